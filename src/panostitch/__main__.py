@@ -1,0 +1,5 @@
+"""`python -m panostitch`."""
+
+from panostitch.cli.main import main
+
+main()

@@ -1,0 +1,105 @@
+"""A start for the bundle adjustment: focal lengths to try, rotations along the best spanning tree."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
+
+from panostitch.geometry import homography, rotation
+from panostitch.model.camera import Camera
+from panostitch.model.match import VerifiedMatch
+from panostitch.model.photo import Photo
+
+Floats = NDArray[np.float64]
+
+# Horizontal fields of view to start from when nothing is known: from half to one and a half times the true focal
+# length the adjustment converges, so these four cover every lens that is not a fisheye.
+START_FIELDS = np.deg2rad([25.0, 40.0, 65.0, 100.0])
+
+
+@dataclass(frozen=True)
+class SpanningTree:
+    """The strongest links that hold all photos together: (parent, child, link) from the root outwards."""
+
+    root: int
+    edges: tuple[tuple[int, int, VerifiedMatch], ...]
+
+
+def lens_groups(photos: Sequence[Photo]) -> list[int]:
+    """For each photo the number of its lens: photos with the same metadata and size (either way up) share one."""
+    keys = [(photo.lens, *sorted(photo.size)) for photo in photos]
+    numbers = {key: number for number, key in enumerate(dict.fromkeys(keys))}
+    return [numbers[key] for key in keys]
+
+
+def focal_candidates(photos: Sequence[Photo], links: Sequence[VerifiedMatch]) -> list[list[float]]:
+    """Sets of focal lengths (px, one for each photo) to start from, the likeliest first."""
+    long_sides = [float(max(photo.size)) for photo in photos]
+    known = [photo.focal / side for photo, side in zip(photos, long_sides, strict=True) if photo.focal]
+    relative = [float(np.median(known))] if known else []
+    relative += _from_homographies(photos, links)
+    relative += [float(0.5 / np.tan(field / 2)) for field in START_FIELDS]
+    candidates = [[r * side for side in long_sides] for r in relative]
+    if known:
+        candidates[0] = [photo.focal or start for photo, start in zip(photos, candidates[0], strict=True)]
+    return candidates
+
+
+def _from_homographies(photos: Sequence[Photo], links: Sequence[VerifiedMatch]) -> list[float]:
+    """Median focal length, relative to the long side, that the homographies themselves allow; may be empty."""
+    found = []
+    for link in links:
+        centres = [(np.array(photos[n].size) - 1) / 2 for n in (link.i, link.j)]
+        side = float(np.sqrt(max(photos[link.i].size) * max(photos[link.j].size)))
+        found += [focal / side for focal in homography.focal_lengths(link.j_from_i, *centres)]
+    plausible = [f for f in found if 0.2 < f < 20]
+    return [float(np.median(plausible))] if plausible else []
+
+
+def spanning_tree(count: int, links: Sequence[VerifiedMatch]) -> SpanningTree:
+    """The tree of most inliers over `count` connected photos; its root is the best connected photo."""
+    i, j = np.array([(link.i, link.j) for link in links], np.intp).T
+    inliers = np.array([link.inliers for link in links], np.float64)
+    graph = coo_array((1 / inliers, (i, j)), shape=(count, count)).tocsr()
+    tree = minimum_spanning_tree(graph)
+    both_ways = tree + tree.T
+    strength = np.bincount(i, inliers, count) + np.bincount(j, inliers, count)
+    root = int(np.argmax(strength))
+    order, parents = breadth_first_order(both_ways, root, directed=False)
+    by_pair = {(link.i, link.j): link for link in links}
+    edges = []
+    for child in map(int, order[1:]):
+        parent = int(parents[child])
+        edges.append((parent, child, by_pair[min(parent, child), max(parent, child)]))
+    return SpanningTree(root, tuple(edges))
+
+
+def child_from_parent(parent: int, link: VerifiedMatch) -> Floats:
+    """The link's homography in the direction from the parent to the child."""
+    return link.j_from_i if link.i == parent else np.asarray(np.linalg.inv(link.j_from_i), np.float64)
+
+
+def initial_cameras(photos: Sequence[Photo], focals: Sequence[float], tree: SpanningTree) -> list[Camera]:
+    """Cameras that turn about one point, from the homographies along the tree and given focal lengths (px)."""
+    turns = [np.eye(3) for _ in photos]
+    inner = [_intrinsics(photo, focal) for photo, focal in zip(photos, focals, strict=True)]
+    for parent, child, link in tree.edges:
+        turn = np.linalg.inv(inner[child]) @ child_from_parent(parent, link) @ inner[parent]
+        scaled = turn / np.cbrt(np.linalg.det(turn))
+        turns[child] = rotation.nearest(scaled) @ turns[parent]
+    return [
+        Camera(photo.size, focal, _centre(photo), turn)
+        for photo, focal, turn in zip(photos, focals, turns, strict=True)
+    ]
+
+
+def _centre(photo: Photo) -> tuple[float, float]:
+    return (photo.size[0] - 1) / 2, (photo.size[1] - 1) / 2
+
+
+def _intrinsics(photo: Photo, focal: float) -> Floats:
+    x, y = _centre(photo)
+    return np.array([[focal, 0, x], [0, focal, y], [0, 0, 1]])

@@ -1,0 +1,1 @@
+"""The command line: the only code that knows click and prints. One file a command."""

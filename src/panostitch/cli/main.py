@@ -1,0 +1,108 @@
+"""`panostitch`: the group of commands, and the one place where errors become exit codes.
+
+Commands are loaded when they are called, so that `--help` does not wait for OpenCV.
+"""
+
+import importlib
+import os
+import sys
+import tempfile
+import traceback
+from typing import Any
+
+import click
+
+from panostitch.errors import EXIT_BUG, EXIT_INTERRUPTED, PanostitchError
+
+# Name of a command: its module and one line of help.
+COMMANDS = {
+    "stitch": "Photos to a panorama; the word may be left out.",
+    "align": "First half: photos to a project file with their cameras.",
+    "render": "Second half: a project file to a panorama.",
+    "batch": "A panorama of every sub-folder of a folder.",
+    "compare": "The same photos by cv2.Stitcher and by panostitch, side by side.",
+    "selftest": "Photograph known scenes and state the true error.",
+}
+DEFAULT = "stitch"
+EXAMPLE = """\b
+panostitch a.jpg b.jpg -o out.jpg        the panorama of two photos
+panostitch photos/ -o out.jpg            of all photos in a folder
+panostitch photos/ -o out.jpg --debug-dir why/    with a picture of every stage"""
+
+
+class Commands(click.Group):
+    """Loads commands lazily; what is no command's name begins the arguments of `stitch`."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        del ctx
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        del ctx
+        if cmd_name not in COMMANDS:
+            return None
+        command: click.Command = importlib.import_module(f"panostitch.cli.{cmd_name}").command
+        return command
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        if args and args[0] not in COMMANDS and args[0] not in ("--help", "-h", "--version"):
+            args = [DEFAULT, *args]
+        return super().parse_args(ctx, args)
+
+    def format_usage(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        del ctx
+        formatter.write_usage("panostitch", "PHOTOS... -o PANORAMA [OPTIONS]  |  COMMAND ...")
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+        stitch = self.get_command(ctx, DEFAULT)
+        if stitch:
+            stitch.format_options(click.Context(stitch), formatter)
+
+
+@click.group(
+    cls=Commands,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help=f"{EXAMPLE}\n\nStitches overlapping photos into a panorama, through stages you can look into.",
+)
+@click.version_option(package_name="panostitch")
+def cli() -> None:
+    """The group itself does nothing."""
+
+
+def main() -> None:
+    """Run the command line and exit with the documented code."""
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: list[str]) -> int:
+    """Run the command line on these arguments; the exit code. Errors are said, never raised."""
+    try:
+        code: Any = cli.main(arguments, prog_name="panostitch", standalone_mode=False)
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("interrupted; nothing half-written is left behind", err=True)
+        return EXIT_INTERRUPTED
+    except PanostitchError as error:
+        from panostitch.cli.report import say_error
+
+        say_error(error)
+        return error.exit_code
+    except BrokenPipeError:
+        # the reader of our output went away: nobody is left to tell
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_BUG
+    except Exception:
+        return _report_bug()
+    return int(code or 0)
+
+
+def _report_bug() -> int:
+    with tempfile.NamedTemporaryFile("w", prefix="panostitch-", suffix=".log", delete=False) as log:
+        log.write(traceback.format_exc())
+    click.echo(f"error: this is a bug in panostitch; what happened is in {log.name}", err=True)
+    click.echo("  next: report it, with that file and the command you gave", err=True)
+    return EXIT_BUG

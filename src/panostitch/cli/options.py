@@ -1,0 +1,58 @@
+"""Dataclasses of options become click options: their names, defaults, ranges and help come from there."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, Literal, get_args, get_origin
+
+import click
+
+from panostitch.options import Options
+
+Command = Callable[..., Any]
+
+
+def stage_options(*stages: type) -> Callable[[Command], Command]:
+    """Decorate a command with all options of some stages, in their order."""
+
+    def decorate(command: Command) -> Command:
+        for stage in reversed(stages):
+            for field in reversed(dataclasses.fields(stage)):
+                command = _click_option(field)(command)
+        return command
+
+    return decorate
+
+
+def _click_option(field: "dataclasses.Field[Any]") -> Callable[[Command], Command]:
+    name = "--" + field.name.replace("_", "-")
+    kind: Any = field.type
+    low, high = field.metadata["min"], field.metadata["max"]
+    if get_origin(kind) is Literal:
+        kind = click.Choice([str(choice) for choice in get_args(kind)])
+    elif kind in (int, float) and low is not None:
+        kind = (click.IntRange if kind is int else click.FloatRange)(low, high)
+    return click.option(name, type=kind, default=field.default, show_default=True, help=field.metadata["help"])
+
+
+def run_options(command: Command) -> Command:
+    """Options of every command that works on photos: how it runs and what it says."""
+    for decorate in (
+        click.option("-v", "--verbose", count=True, help="Say more: every photo and every link."),
+        click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors."),
+        click.option("--json", "as_json", is_flag=True, help="The result as JSON on standard output."),
+        click.option(
+            "--threads", type=click.IntRange(1, 256), default=None, help="Threads at work.  [default: all processors]"
+        ),
+        click.option("--overwrite", is_flag=True, help="Replace what is there already."),
+        click.option(
+            "--debug-dir", type=click.Path(), default=None, help="A picture of every stage, and metrics.json, go there."
+        ),
+    ):
+        command = decorate(command)
+    return command
+
+
+def options_of(given: dict[str, Any]) -> Options:
+    """The Options among the parameters of a command; others are left where they are."""
+    names = {f.name for part in dataclasses.fields(Options) for f in dataclasses.fields(part.default)}  # type: ignore[arg-type]
+    return Options.of(**{name: given[name] for name in names & given.keys()})

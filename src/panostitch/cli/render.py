@@ -1,0 +1,34 @@
+"""`panostitch render`: a project file to a panorama."""
+
+from typing import Any
+
+import click
+
+from panostitch.cli.options import options_of, run_options, stage_options
+from panostitch.options import CompositingOptions, LayoutOptions, OutputOptions
+
+
+@click.command("render")
+@click.argument("project_file", metavar="FILE.pano.json")
+@click.option("-o", "--output", required=True, metavar="PANORAMA", help="Where to write: .jpg, .png or .tif.")
+@stage_options(LayoutOptions, CompositingOptions, OutputOptions)
+@run_options
+def command(project_file: str, output: str, **given: Any) -> int:
+    """Make the panorama of a project file, as often and in as many ways as you like."""
+    from panostitch import pipeline
+    from panostitch.cli import report
+    from panostitch.cli.session import debug_trace, executor
+    from panostitch.io import project, writers
+
+    options, run = options_of(given), executor(given)
+    alignment = project.read_project(project_file)
+    inputs = [project_file, *(photo.path for photo in alignment.photos)]
+    writers.check_output(output, overwrite=given["overwrite"], inputs=inputs)
+    with debug_trace(given) as trace:
+        panorama = pipeline.render(alignment, options, run=run, trace=trace)
+        writers.write_panorama(panorama, output, options.output, run=run, trace=trace)
+    if not given["quiet"]:
+        report.say_panorama(panorama, output)
+    if given["as_json"]:
+        report.print_json(report.result(alignment, panorama, output))
+    return report.exit_code(alignment)

@@ -1,0 +1,55 @@
+"""What commands share: threads and progress, the debug folder, opening photos."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from typing import TYPE_CHECKING, Any
+
+from panostitch.errors import InputError, UsageError
+
+if TYPE_CHECKING:
+    from panostitch.model.photo import Photo
+    from panostitch.runtime.executor import Executor
+    from panostitch.runtime.trace import Trace
+
+
+def executor(given: dict[str, Any]) -> "Executor":
+    """Threads and progress bars as the user asked."""
+    from panostitch.runtime.executor import Executor, no_progress
+    from panostitch.runtime.progress import terminal_progress
+
+    quiet = given["quiet"] or given["as_json"]
+    return Executor(given["threads"] or os.cpu_count() or 1, no_progress if quiet else terminal_progress)
+
+
+@contextmanager
+def debug_trace(given: dict[str, Any]) -> Iterator["Trace"]:
+    """A trace into the debug folder if one was asked for. Raises OutputError where it cannot be used."""
+    from panostitch.runtime.trace import silent
+
+    if given["debug_dir"] is None:
+        with nullcontext(silent) as trace:
+            yield trace
+        return
+    from panostitch.debug.dump import Dump
+
+    with Dump(given["debug_dir"], overwrite=given["overwrite"]) as dump:
+        yield dump
+
+
+def open_given(arguments: tuple[str, ...]) -> "list[Photo]":
+    """The photos that the user named. Raises InputError for any that is none, UsageError for fewer than two."""
+    from panostitch.cli.inputs import photo_paths
+    from panostitch.io.readers import open_photos
+
+    photos, failures = open_photos(photo_paths(arguments))
+    if failures:
+        first = failures[0]
+        more = tuple(error.message for error in failures[1:])
+        raise InputError(first.message, details=more, hint=first.hint or "leave it out, or repair it")
+    if len(photos) < 2:
+        raise UsageError(
+            f"{photos[0].name} is the only photo: a panorama needs two or more",
+            hint="name the other photos too, or their folder",
+        )
+    return photos

@@ -1,0 +1,55 @@
+"""`panostitch PHOTOS -o PANORAMA`: both halves."""
+
+from typing import Any
+
+import click
+
+from panostitch.cli.options import options_of, run_options, stage_options
+from panostitch.options import (
+    AlignmentOptions,
+    CompositingOptions,
+    FeatureOptions,
+    LayoutOptions,
+    MatchingOptions,
+    OutputOptions,
+)
+
+
+@click.command("stitch")
+@click.argument("photos", nargs=-1, required=True)
+@click.option("-o", "--output", required=True, metavar="PANORAMA", help="Where to write: .jpg, .png or .tif.")
+@click.option("--save-project", metavar="FILE.pano.json", default=None, help="Keep the alignment, for `render`.")
+@stage_options(
+    FeatureOptions, MatchingOptions, AlignmentOptions, LayoutOptions, CompositingOptions, OutputOptions
+)
+@run_options
+def command(photos: tuple[str, ...], output: str, save_project: str | None, **given: Any) -> int:
+    """Stitch PHOTOS (files, folders, globs, @list.txt, - for a list on standard input) into a panorama."""
+    from panostitch import pipeline
+    from panostitch.cli import report
+    from panostitch.cli.session import debug_trace, executor, open_given
+    from panostitch.io import project, writers
+
+    options, run = options_of(given), executor(given)
+    opened = open_given(photos)
+    inputs = [photo.path for photo in opened]
+    writers.check_output(output, overwrite=given["overwrite"], inputs=inputs)
+    if save_project:
+        writers.check_output(
+            save_project, overwrite=given["overwrite"], inputs=inputs, extensions=[project.EXTENSION]
+        )
+    with debug_trace(given) as trace:
+        alignment = pipeline.align(opened, options, run=run, trace=trace)
+        if not given["quiet"]:
+            report.say_alignment(alignment, verbose=given["verbose"])
+        if save_project:
+            project.write_project(alignment, save_project)
+        panorama = pipeline.render(alignment, options, run=run, trace=trace)
+        writers.write_panorama(panorama, output, options.output, run=run, trace=trace)
+    if not given["quiet"]:
+        report.say_panorama(panorama, output)
+        if given["debug_dir"]:
+            report.say(f"{given['debug_dir']}: a picture of every stage")
+    if given["as_json"]:
+        report.print_json(report.result(alignment, panorama, output))
+    return report.exit_code(alignment)

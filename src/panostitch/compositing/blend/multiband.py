@@ -1,0 +1,130 @@
+"""Multi-band blending (Burt & Adelson 1983; Brown & Lowe 2007, section 7), in two scales.
+
+Fine bands, up to the factor of the reduced canvas, are blended in each tile: they reach only a few pixels. All lower
+bands are blended once, on the reduced canvas; what they change against a blend of the fine bands alone is the
+correction of the plan, smooth and zero where only one photo matters. Far from seams a pixel is its photo's pixel.
+"""
+
+from collections.abc import Sequence
+from math import floor, log2
+
+import cv2
+import numpy as np
+
+from panostitch.compositing.blend.pieces import Floats, Piece, fill
+from panostitch.model.canvas import Canvas
+
+# Weights at the reduced size are the seams as `pyrDown` would have left them: its kernel has variance 1 at each
+# level, 1/4 + 1/16 + ... = 1/3 in pixels of the last.
+REDUCED_SPREAD = float(np.sqrt(1 / 3))
+COARSEST = 4  # the lowest band of the smallest photo is this many pixels wide
+HALO = 3  # times 2^levels: what lies farther away changes a pixel by less than 0.0001 of a grey level
+
+
+def correct(pieces: Sequence[Piece], composite: Floats, canvas: Canvas, factor: int) -> Floats:
+    """Low bands of the blend minus what the tiles make of them, (h, w, 3) on the reduced canvas."""
+    sides = [min(piece.mask.shape) for piece in pieces if piece.mask.any()]
+    levels = max(0, floor(log2(max(1, min(sides, default=1) / COARSEST))))
+    linear, bands = np.zeros_like(composite), _Bands(composite.shape[:2], levels, wraps=canvas.wraps)
+    for photo in sorted({piece.photo for piece in pieces}):
+        own = [piece for piece in pieces if piece.photo == photo]
+        if not any(piece.owns.any() for piece in own):
+            continue
+        pixels, weight = _continued(own, composite), _weight(own, composite.shape[:2], factor)
+        linear += weight[..., None] * pixels
+        bands.add(pixels, weight)
+    return bands.collapse() - linear
+
+
+def join(pieces: Sequence[Piece], composite: Floats, factor: int) -> Floats:
+    """Fine bands of a tile (h, w, 3); its sides must be multiples of the factor."""
+    owners = [piece for piece in pieces if piece.owns.any()]
+    if factor == 1 or len(owners) < 2:
+        return composite
+    bands = _Bands(composite.shape[:2], factor.bit_length() - 1, wraps=False)
+    for piece in owners:
+        bands.add(piece.pixels, _weight([piece], composite.shape[:2], 1))
+    return bands.collapse()
+
+
+def reach(factor: int) -> int:
+    """The halo of the fine bands, in px of the reduced canvas."""
+    return HALO if factor > 1 else 0
+
+
+def _weight(own: Sequence[Piece], shape: tuple[int, ...], factor: int) -> Floats:
+    """Share (h, w) of a photo in each pixel before any blending; over all photos they sum to one."""
+    owns = np.zeros(shape, np.float32)
+    for piece in own:
+        owns[piece.place][piece.owns] = 1
+    if factor == 1:
+        return owns
+    return np.asarray(cv2.GaussianBlur(owns, (0, 0), REDUCED_SPREAD, borderType=cv2.BORDER_REPLICATE), np.float32)
+
+
+def _continued(own: Sequence[Piece], composite: Floats) -> Floats:
+    """All parts of a photo on the whole canvas, continued smoothly beyond its edges: bands then see no edge.
+
+    A photo that touches the left and the right edge of a closed turn is continued on the far side of the turn.
+    """
+    pixels, shown = np.zeros_like(composite), np.zeros(composite.shape[:2], bool)
+    for piece in own:
+        pixels[piece.place][piece.mask] = piece.pixels[piece.mask]
+        shown[piece.place] |= piece.mask
+    if len(own) == 1:
+        return fill(pixels, shown)
+    half = composite.shape[1] // 2
+    rolled = fill(np.roll(pixels, half, axis=1), np.roll(shown, half, axis=1))
+    return np.roll(rolled, -half, axis=1)
+
+
+class _Bands:
+    """The sum over photos of weight times Laplacian band, fine to coarse and last the low-pass."""
+
+    def __init__(self, shape: tuple[int, ...], levels: int, *, wraps: bool) -> None:
+        height, width = shape
+        step = 1 << levels
+        margin = min(HALO * step, width) if wraps else 0
+        self._wraps = wraps
+        self._inner = (slice(0, height), slice(margin, margin + width))
+        self._frame = ((0, -height % step), (margin, -(width + 2 * margin) % step + margin))
+        self._sum: list[Floats] = []
+        self._levels = levels
+
+    def add(self, photo: Floats, weight: Floats) -> None:
+        """Add a photo (h, w, 3) with its weights (h, w); the weights of all photos sum to one."""
+        bands = _weighted_bands(
+            _framed(photo, self._frame, wraps=self._wraps),
+            _framed(weight, self._frame, wraps=self._wraps),
+            self._levels,
+        )
+        for level, band in enumerate(bands):
+            if level == len(self._sum):
+                self._sum.append(band)
+            else:
+                self._sum[level] += band
+
+    def collapse(self) -> Floats:
+        """The blended picture (h, w, 3)."""
+        whole = self._sum[-1]
+        for band in reversed(self._sum[:-1]):
+            whole = cv2.pyrUp(whole, dstsize=band.shape[1::-1]) + band
+        return np.asarray(whole[self._inner], np.float32)
+
+
+def _framed(array: Floats, frame: tuple[tuple[int, int], tuple[int, int]], *, wraps: bool) -> Floats:
+    """The array with a margin: the other side's columns where it wraps, its own edge elsewhere."""
+    rest = ((0, 0),) * (array.ndim - 2)
+    framed = np.pad(array, ((0, 0), frame[1], *rest), mode="wrap" if wraps else "edge")
+    return np.asarray(np.pad(framed, (frame[0], (0, 0), *rest), mode="edge"), np.float32)
+
+
+def _weighted_bands(photo: Floats, weight: Floats, levels: int) -> list[Floats]:
+    """Laplacian bands of a photo, fine to coarse and last the low-pass, each times the weight of its level."""
+    bands = []
+    for _ in range(levels):
+        smaller = cv2.pyrDown(photo)
+        bands.append((photo - cv2.pyrUp(smaller, dstsize=photo.shape[1::-1])) * weight[..., None])
+        photo, weight = np.asarray(smaller, np.float32), np.asarray(cv2.pyrDown(weight), np.float32)
+    bands.append(photo * weight[..., None])
+    return [np.asarray(band, np.float32) for band in bands]

@@ -1,0 +1,65 @@
+"""What blenders work on: the pieces of photos that meet in one array."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from panostitch.model.canvas import Canvas
+
+Floats = NDArray[np.float32]
+Booleans = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One photo, or a part of one, in an array; gain applied.
+
+    photo:  its number
+    place:  rows and columns of the array that it touches
+    pixels: (h, w, 3) 0..255, of the size of `place`; outside the mask its edge goes on
+    mask:   (h, w) where it shows something
+    owns:   (h, w) where it is the owner; owners share out the whole array, covered or not
+    """
+
+    photo: int
+    place: tuple[slice, slice]
+    pixels: Floats
+    mask: Booleans
+    owns: Booleans
+
+
+# From pieces and the hard composite (h, w, 3), all on the reduced canvas, and the factor of the reduction.
+Correct = Callable[[Sequence[Piece], Floats, Canvas, int], Floats]
+# From pieces and the hard composite (h, w, 3) of a tile, and the factor of the reduction.
+Join = Callable[[Sequence[Piece], Floats, int], Floats]
+
+
+def hard_composite(pieces: Sequence[Piece], shape: tuple[int, int]) -> tuple[Floats, Booleans]:
+    """Each pixel (h, w, 3) from its owner, and where the owner covers it; uncovered pixels are filled smoothly."""
+    picture, covered = np.zeros((*shape, 3), np.float32), np.zeros(shape, bool)
+    for piece in pieces:
+        shown = piece.owns & piece.mask
+        picture[piece.place][shown] = piece.pixels[shown]
+        covered[piece.place] |= shown
+    return (picture if covered.all() else fill(picture, covered)), covered
+
+
+def fill(picture: Floats, known: Booleans) -> Floats:
+    """Continue the known pixels of a picture (h, w, 3) into the unknown ones, smoother with distance.
+
+    Push-pull (Gortler et al. 1996): means of the known pixels at half size, filled there, enlarged.
+    """
+    height, width = known.shape
+    if known.all() or not known.any() or min(height, width) < 2:
+        return picture
+    size = ((width + 1) // 2, (height + 1) // 2)
+    weight = known.astype(np.float32)
+    small_weight = cv2.resize(weight, size, interpolation=cv2.INTER_AREA)
+    small = cv2.resize(picture * weight[..., None], size, interpolation=cv2.INTER_AREA)
+    small /= np.maximum(small_weight, 1e-6)[..., None]
+    filled = fill(small, small_weight > 1e-6)
+    enlarged = cv2.resize(filled, (width, height), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(np.where(known[..., None], picture, enlarged), np.float32)

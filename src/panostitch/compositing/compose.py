@@ -1,0 +1,80 @@
+"""A region of the panorama at full size: warp, gain, seams, fine bands, correction."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from panostitch.compositing.blend import BLENDERS
+from panostitch.compositing.blend.pieces import Floats, Piece, hard_composite
+from panostitch.compositing.warp import read_for, warp
+from panostitch.model.alignment import Alignment
+from panostitch.model.canvas import Canvas, Layer, Region
+from panostitch.model.panorama import Plan
+from panostitch.options import CompositingOptions
+
+LABEL_MARGIN = 2  # px of the reduced canvas around a tile, so that enlarging needs no edge
+
+
+def compose(alignment: Alignment, canvas: Canvas, plan: Plan, options: CompositingOptions, region: Region) -> Layer:
+    """The pixels of a region of the canvas. The same pixels come out however the canvas is cut into regions."""
+    blender = BLENDERS[options.blender]
+    tile = region.grown(blender.reach(plan.factor) * plan.factor, multiple=plan.factor)
+    pieces = _pieces(alignment, canvas, plan, tile)
+    composite, covered = hard_composite(pieces, (tile.height, tile.width))
+    blended = blender.join(pieces, composite, plan.factor)
+    blended = blended + _enlarged(plan.correction, plan, canvas, tile)
+    inner = region.within(tile)
+    mask = covered[inner]
+    return Layer(region, np.where(mask[..., None], blended[inner], 0).astype(np.float32), mask)
+
+
+def _pieces(alignment: Alignment, canvas: Canvas, plan: Plan, tile: Region) -> list[Piece]:
+    """The photos that own a part of the tile or lie next to it, each with the part it owns."""
+    labels = _lookup(plan.labels, plan, canvas, tile)
+    photos = [int(n) for n in np.unique(labels)]
+    layers = []
+    for n in photos:
+        raster, camera = read_for(alignment.photos[n], alignment.cameras[n], canvas)
+        layer = warp(raster, camera, canvas, tile, interpolation=cv2.INTER_CUBIC)
+        layers.append((np.clip(layer.pixels, 0, 255) * np.float32(plan.gains[n]), layer.mask))
+    owner = _owners(labels, photos, [mask for _, mask in layers], plan.factor)
+    whole = (slice(0, tile.height), slice(0, tile.width))
+    return [
+        Piece(n, whole, pixels, mask, owner == k)
+        for k, (n, (pixels, mask)) in enumerate(zip(photos, layers, strict=True))
+    ]
+
+
+def _owners(
+    labels: NDArray[np.int16], photos: list[int], masks: list[NDArray[np.bool_]], factor: int
+) -> NDArray[np.int64]:
+    """Index into `photos` of each pixel's owner (h, w): by the enlarged labels, among the photos that cover it."""
+    if len(photos) == 1:
+        return np.zeros(masks[0].shape, np.int64)
+    shares = []
+    for n, mask in zip(photos, masks, strict=True):
+        share = _enlarge((labels == n).astype(np.float32), factor)
+        shares.append(np.where(mask, share + 2, share))  # to cover a pixel counts for more than to be near
+    return np.argmax(np.stack(shares), axis=0)
+
+
+def _lookup(array: NDArray[np.generic], plan: Plan, canvas: Canvas, tile: Region) -> NDArray[np.generic]:
+    """The part of an array of the plan that lies under a tile, with a margin; columns wrap where the canvas does."""
+    small = tile.divided(plan.factor).grown(LABEL_MARGIN)
+    height, width = array.shape[:2]
+    columns = np.arange(small.x, small.right)
+    columns = columns % width if canvas.wraps else columns.clip(0, width - 1)
+    rows = np.arange(small.y, small.bottom).clip(0, height - 1)
+    return array[np.ix_(rows, columns)]
+
+
+def _enlarged(array: Floats, plan: Plan, canvas: Canvas, tile: Region) -> Floats:
+    return _enlarge(np.asarray(_lookup(array, plan, canvas, tile), np.float32), plan.factor)
+
+
+def _enlarge(small: Floats, factor: int) -> Floats:
+    """A piece of the reduced canvas with its margin, at full size without it."""
+    size = (small.shape[1] * factor, small.shape[0] * factor)
+    large = cv2.resize(small, size, interpolation=cv2.INTER_LINEAR)
+    cut = slice(LABEL_MARGIN * factor, -LABEL_MARGIN * factor)
+    return np.asarray(large[cut, cut], np.float32)

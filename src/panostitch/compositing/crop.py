@@ -1,0 +1,66 @@
+"""The part of the canvas that is kept: the largest rectangle inside what the photos cover."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from panostitch.model.canvas import Region
+
+KEEP_AT_LEAST = 0.6  # of the covered area: if the rectangle holds less, cutting would lose too much of the view
+
+
+def largest_rectangle(covered: NDArray[np.bool_]) -> Region:
+    """The largest rectangle of True pixels; an empty region where there are none.
+
+    The histogram method: for each row, heights of the columns of True above it, and a stack of rising heights.
+    O(pixels).
+    """
+    best = Region(0, 0, 0, 0)
+    heights = np.zeros(covered.shape[1], np.int64)
+    for bottom, row in enumerate(covered, start=1):
+        heights = np.where(row, heights + 1, 0)
+        candidate = _largest_under(heights.tolist(), bottom)
+        if candidate.area > best.area:
+            best = candidate
+    return best
+
+
+def _largest_under(heights: list[int], bottom: int) -> Region:
+    best = Region(0, 0, 0, 0)
+    rising: list[tuple[int, int]] = []  # (first column, height), heights rising
+    for column, height in enumerate([*heights, 0]):
+        first = column
+        while rising and rising[-1][1] >= height:
+            first, tall = rising.pop()
+            if (column - first) * tall > best.area:
+                best = Region(first, bottom - tall, column - first, tall)
+        rising.append((first, height))
+    return best
+
+
+def bounding_box(covered: NDArray[np.bool_]) -> Region:
+    """The smallest rectangle that holds all True pixels."""
+    rows, columns = np.flatnonzero(covered.any(1)), np.flatnonzero(covered.any(0))
+    if not len(rows):
+        return Region(0, 0, 0, 0)
+    x, y = int(columns[0]), int(rows[0])
+    return Region(x, y, int(columns[-1]) + 1 - x, int(rows[-1]) + 1 - y)
+
+
+def choose_crop(covered: NDArray[np.bool_], rule: str) -> tuple[Region, str]:
+    """The part of a coverage mask to keep by the rule auto, full or none, and why, in a few words."""
+    box = bounding_box(covered)
+    if rule == "none" or not box:
+        return box, "the whole view, not cropped"
+    # a pixel of the mask is whole only if its neighbours are covered as well
+    inner = covered.copy()
+    inner[1:] &= covered[:-1]
+    inner[:-1] &= covered[1:]
+    inner[:, 1:] &= covered[:, :-1]
+    inner[:, :-1] &= covered[:, 1:]
+    rectangle = largest_rectangle(inner)
+    kept = rectangle.area / max(int(covered.sum()), 1)
+    if rule == "full" and rectangle:
+        return rectangle, f"the largest full rectangle, {kept:.0%} of the view"
+    if kept < KEEP_AT_LEAST:
+        return box, f"not cropped: the largest full rectangle would keep only {kept:.0%} of the view"
+    return rectangle, f"the largest full rectangle, {kept:.0%} of the view"

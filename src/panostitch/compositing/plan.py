@@ -1,0 +1,108 @@
+"""All that needs the whole picture at once, on a reduced canvas: gains, seams, low bands of the blend, crop."""
+
+from collections.abc import Sequence
+from functools import partial
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from panostitch.compositing.blend import BLENDERS
+from panostitch.compositing.blend.pieces import Piece, hard_composite
+from panostitch.compositing.crop import choose_crop
+from panostitch.compositing.exposure import EXPOSURE
+from panostitch.compositing.seams import SEAMS, extend
+from panostitch.compositing.warp import footprints, read_for, warp
+from panostitch.errors import AlignmentError
+from panostitch.model.alignment import Alignment
+from panostitch.model.canvas import Canvas, Layer, Region
+from panostitch.model.panorama import NOBODY, Plan
+from panostitch.options import CompositingOptions
+from panostitch.runtime.executor import Executor, serial
+from panostitch.runtime.trace import Trace, silent
+
+Placed = list[tuple[int, Layer]]
+
+PLAN_PIXELS = 1.0e6  # of the reduced canvas: seams to a few pixels, in memory and time that do not matter
+MAX_FACTOR = 64
+
+
+def reduction(canvas: Canvas) -> int:
+    """The power of two by which the canvas is reduced for the plan."""
+    factor = 1
+    while canvas.size[0] * canvas.size[1] / factor**2 > PLAN_PIXELS and factor < MAX_FACTOR:
+        factor *= 2
+    return factor
+
+
+def make_plan(
+    alignment: Alignment,
+    canvas: Canvas,
+    options: CompositingOptions,
+    crop: str,
+    *,
+    run: Executor = serial,
+    trace: Trace = silent,
+) -> Plan:
+    """The plan of a panorama. Raises AlignmentError where no photo falls on the canvas."""
+    factor = reduction(canvas)
+    small = canvas.reduced(factor)
+    places = footprints(alignment.cameras, small)
+    pieces = _warp_all(alignment, small, places, run, trace)
+    if not pieces:
+        raise AlignmentError("no photo falls on the canvas", hint="try another --projection")
+    count = len(alignment.photos)
+    factors = EXPOSURE[options.exposure](count, pieces)
+    exposed = [(n, _times(layer, factors[n])) for n, layer in pieces]
+    labels = SEAMS[options.seams](small, exposed)
+    covered = labels != NOBODY
+    extended = extend(labels)
+    owned = [_piece(n, layer, extended, small.region) for n, layer in exposed]
+    composite, _ = hard_composite(owned, covered.shape)
+    correction = BLENDERS[options.blender].correct(owned, composite, small, factor)
+    kept, reason = choose_crop(covered, crop)
+    unexposed, _ = hard_composite([_piece(n, layer, extended, small.region) for n, layer in pieces], covered.shape)
+    trace("compositing.exposed", photos=alignment.photos, gains=factors, before=unexposed, after=composite)
+    trace("compositing.seamed", labels=labels, picture=composite, names=[p.name for p in alignment.photos])
+    _trace_bands(composite + correction, trace)
+    trace("compositing.cropped", picture=composite + correction, coverage=covered, crop=kept, reason=reason)
+    return Plan(factors, factor, extended, correction, places, kept.times(factor) & canvas.region, reason)
+
+
+def _warp_all(
+    alignment: Alignment, small: Canvas, places: Sequence[tuple[Region, ...]], run: Executor, trace: Trace
+) -> Placed:
+    """All photos on the reduced canvas, as (photo, layer): a photo may be in two pieces, or in none."""
+    numbers = list(range(len(alignment.photos)))
+    work = partial(_warp_one, alignment, small, places)
+    placed: Placed = []
+    for n, layers in zip(numbers, run.map(work, numbers, label="Planning"), strict=True):
+        trace("compositing.warped", index=n, photo=alignment.photos[n], layers=layers, canvas=small)
+        placed += [(n, layer) for layer in layers if layer.mask.any()]
+    return placed
+
+
+def _warp_one(alignment: Alignment, small: Canvas, places: Sequence[tuple[Region, ...]], n: int) -> list[Layer]:
+    raster, camera = read_for(alignment.photos[n], alignment.cameras[n], small)
+    return [warp(raster, camera, small, region, interpolation=cv2.INTER_LINEAR) for region in places[n]]
+
+
+def _times(layer: Layer, factor: float) -> Layer:
+    return Layer(layer.region, layer.pixels * np.float32(factor), layer.mask)
+
+
+def _piece(photo: int, layer: Layer, labels: NDArray[np.int16], whole: Region) -> Piece:
+    place = layer.region.within(whole)
+    return Piece(photo, place, layer.pixels, layer.mask, labels[place] == photo)
+
+
+def _trace_bands(picture: NDArray[np.float32], trace: Trace, levels: int = 5) -> None:
+    """Show the bands of the blended picture, fine to coarse, then the low-pass."""
+    if trace is silent:
+        return
+    for level in range(levels):
+        smaller = cv2.pyrDown(picture)
+        band = picture - cv2.pyrUp(smaller, dstsize=picture.shape[1::-1])
+        trace("compositing.band", level=level, levels=levels, pixels=band, lowpass=False)
+        picture = np.asarray(smaller, np.float32)
+    trace("compositing.band", level=levels, levels=levels, pixels=picture, lowpass=True)

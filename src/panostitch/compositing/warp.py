@@ -1,0 +1,111 @@
+"""A photo on the canvas: exact coordinates on a coarse grid, enlarged, then one sampling."""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from panostitch.model.camera import Camera
+from panostitch.model.canvas import Canvas, Layer, Region
+from panostitch.model.photo import Photo
+from panostitch.runtime.cache import LastUsed
+
+Floats = NDArray[np.float64]
+Raster = tuple[NDArray[np.uint8], NDArray[np.uint8] | None]
+
+STEP = 16  # px between exact coordinates; between them a bilinear guess is off by some 0.02 px
+CHUNK = 8192  # px: OpenCV's remap takes no side of 32,767 or more
+FOOTPRINT_STEP = 8  # px of the reduced canvas
+REDUCE_BELOW = 0.75  # photos are read reduced only where the canvas is coarser than this: reducing costs sharpness
+CACHE_BYTES = 2 << 30
+
+_decoded: LastUsed[Raster] = LastUsed(CACHE_BYTES, lambda r: r[0].nbytes + (0 if r[1] is None else r[1].nbytes))
+
+
+def read_for(photo: Photo, camera: Camera, canvas: Canvas) -> tuple[Raster, Camera]:
+    """The photo's pixels at the size that this canvas needs, and the camera for that size."""
+    scale = min(1.0, canvas.scale / camera.focal * _magnification(camera))
+    raster = photo.source.read(scale) if scale < REDUCE_BELOW else _decoded.get(photo.source, photo.source.read)
+    height, width = raster[0].shape[:2]
+    return raster, camera.scaled((width, height))
+
+
+def _magnification(camera: Camera) -> float:
+    """Change of scale at the photo's centre beyond its focal length: 1 for a rotation, any for a plane."""
+    middle = (np.array([camera.size], np.float64) - 1) / 2
+    around = camera.rays(middle + np.array([[0, 0], [1, 0], [0, 1]]))
+    if np.isclose(abs(np.linalg.det(camera.cam_from_world)), 1) and camera.focal > 1:
+        return 1.0
+    plane = around[:, :2] / around[:, 2:]
+    return float(np.sqrt(abs(np.linalg.det(plane[1:] - plane[0]))))
+
+
+def warp(raster: Raster, camera: Camera, canvas: Canvas, region: Region, *, interpolation: int) -> Layer:
+    """The part of a photo that falls into a region of the canvas."""
+    pixels = np.zeros((region.height, region.width, 3), np.float32)
+    mask = np.zeros((region.height, region.width), bool)
+    for part in region.tiles(CHUNK):
+        rows_columns = part.within(region)
+        x, y, valid = coordinates(camera, canvas, part)
+        inside = valid & (x >= -0.5) & (x <= camera.size[0] - 0.5) & (y >= -0.5) & (y <= camera.size[1] - 0.5)
+        pixels[rows_columns] = cv2.remap(raster[0], x, y, interpolation, borderMode=cv2.BORDER_REPLICATE)
+        if raster[1] is not None:
+            inside &= cv2.remap(raster[1], x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) > 254
+        mask[rows_columns] = inside
+    return Layer(region, pixels, mask)
+
+
+def coordinates(
+    camera: Camera, canvas: Canvas, region: Region
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+    """Where (x, y, each (h, w) px of the photo) each canvas pixel is seen, and where that is known."""
+    # nodes are the centres of 16 px blocks, one block beyond the region on each side: resize then needs no
+    # extrapolation, and its rule for pixel centres is ours
+    columns = np.arange(-1, -(-region.width // STEP) + 1) * STEP + (STEP - 1) / 2 + region.x
+    rows = np.arange(-1, -(-region.height // STEP) + 1) * STEP + (STEP - 1) / 2 + region.y
+    nodes = _project_grid(camera, canvas, columns, rows)
+    known = np.isfinite(nodes).all(2)
+    nodes[~known] = -1e4
+    size = (len(columns) * STEP, len(rows) * STEP)
+    inner = (slice(STEP, STEP + region.height), slice(STEP, STEP + region.width))
+    x, y = (
+        np.ascontiguousarray(cv2.resize(nodes[:, :, k].astype(np.float32), size)[inner], np.float32) for k in (0, 1)
+    )
+    if known.all():
+        return x, y, np.ones(x.shape, bool)
+    valid = cv2.resize(known.astype(np.float32), size)[inner] > 0.999
+    return x, y, np.asarray(valid)
+
+
+def _project_grid(camera: Camera, canvas: Canvas, columns: Floats, rows: Floats) -> Floats:
+    """Photo coordinates (h, w, 2) of canvas pixels on a grid of columns and rows; NaN where not seen."""
+    x, y = np.meshgrid(columns, rows)
+    with np.errstate(invalid="ignore"):
+        seen = camera.project(canvas.rays(np.column_stack([x.ravel(), y.ravel()])))
+    return seen.reshape(len(rows), len(columns), 2)
+
+
+def footprints(cameras: Sequence[Camera], canvas: Canvas) -> tuple[tuple[Region, ...], ...]:
+    """For each photo the regions of the canvas that hold it: one, or two where it crosses the edge of a full turn."""
+    step = FOOTPRINT_STEP
+    columns = np.arange(0, canvas.size[0] + step, step, dtype=float)
+    rows = np.arange(0, canvas.size[1] + step, step, dtype=float)
+    return tuple(_footprint(camera, canvas, columns, rows) for camera in cameras)
+
+
+def _footprint(camera: Camera, canvas: Canvas, columns: Floats, rows: Floats) -> tuple[Region, ...]:
+    seen = _project_grid(camera, canvas, columns, rows)
+    margin = 2.0 * FOOTPRINT_STEP * camera.focal / canvas.scale * max(_magnification(camera), 1e-6)
+    with np.errstate(invalid="ignore"):
+        inside = ((seen >= -margin) & (seen <= np.array(camera.size) + margin)).all(2)
+    occupied = np.flatnonzero(np.diff(np.pad(inside.any(0), 1).astype(np.int8)))
+    regions = []
+    for first, behind in occupied.reshape(-1, 2):
+        used = np.flatnonzero(inside[:, first:behind].any(1))
+        x, y = int(columns[first]), int(rows[used[0]])
+        right, bottom = int(columns[behind - 1]) + 1, int(rows[used[-1]]) + 1
+        region = Region(x, y, right - x, bottom - y).grown(FOOTPRINT_STEP) & canvas.region
+        if region:
+            regions.append(region)
+    return tuple(regions)

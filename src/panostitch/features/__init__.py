@@ -1,0 +1,108 @@
+"""Stage 1: pixels to key points with descriptors."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from panostitch.errors import InputError
+from panostitch.features import opencv, surf
+from panostitch.features.described import Described
+from panostitch.features.spread import spread
+from panostitch.geometry.sampling import rescale
+from panostitch.model.features import Features
+from panostitch.model.photo import Photo
+from panostitch.options import FeatureOptions
+from panostitch.runtime.executor import Executor, serial
+from panostitch.runtime.trace import Trace, silent
+
+SURF_SURPLUS = 2  # for the spreading to choose from
+
+
+def _surf(grey: NDArray[np.uint8], count: int) -> Described:
+    """SURF, with the sign of the Laplacian as a last number of the descriptor.
+
+    It is weighted so that blobs of unlike sign are always further apart than any two of like sign.
+    """
+    found = surf.detect_and_describe(grey, max_features=SURF_SURPLUS * count)
+    signed = np.column_stack([found.descriptors, found.laplacian.astype(np.float32)]) * np.float32(np.sqrt(0.5))
+    return Described(found.xy, found.scale, found.angle, found.response, signed)
+
+
+# From a grey picture (h, w) and a number to at least that many key points where there are so many, in its pixels.
+DETECTORS: dict[str, Callable[[NDArray[np.uint8], int], Described]] = {
+    "sift": opencv.sift,
+    "surf": _surf,
+    "orb": opencv.orb,
+    "akaze": opencv.akaze,
+}
+
+# All but SIFT, which doubles the picture itself, find more and better placed points in a small photo when it is
+# enlarged first.
+MAX_ENLARGEMENT = {"sift": 1.0, "surf": 2.0, "orb": 2.0, "akaze": 2.0}
+
+MASK_MARGIN = 8  # working px next to transparency where a corner would be the mask's own
+
+
+def detect(
+    photos: Sequence[Photo], options: FeatureOptions, *, run: Executor = serial, trace: Trace = silent
+) -> list[Features | InputError]:
+    """Key points of each photo, spread over it, in full-resolution pixels; an InputError for unreadable pixels."""
+    found: list[Features | InputError] = []
+    for photo, features in zip(
+        photos, run.map(partial(_try_one, options=options), photos, label="Finding key points"), strict=True
+    ):
+        if isinstance(features, Features):
+            trace("features.detected", index=len(found), photo=photo, features=features)
+        found.append(features)
+    return found
+
+
+def _try_one(photo: Photo, options: FeatureOptions) -> Features | InputError:
+    try:
+        return detect_one(photo, options)
+    except InputError as error:
+        return error
+
+
+def detect_one(photo: Photo, options: FeatureOptions) -> Features:
+    """Key points of one photo. Raises InputError."""
+    grey, mask = _working_picture(photo, options)
+    described = DETECTORS[options.detector](grey, options.max_features)
+    if mask is not None:
+        described = described.take(np.flatnonzero(_sample(mask, described.xy)))
+    chosen = spread(described.xy, described.response, (grey.shape[1], grey.shape[0]), options.max_features)
+    described = described.take(chosen)
+    factor = np.array(photo.size) / (grey.shape[1], grey.shape[0])
+    pixel_size = float(np.sqrt(factor[0] * factor[1]))
+    return Features(
+        xy=rescale(described.xy, factor).astype(np.float32),
+        scale=described.scale * np.float32(pixel_size),
+        angle=described.angle,
+        response=described.response,
+        descriptors=described.descriptors,
+        pixel_size=pixel_size,
+    )
+
+
+def _working_picture(photo: Photo, options: FeatureOptions) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
+    """The photo in grey at its working size, and where it may be used."""
+    scale = float(np.sqrt(options.work_megapixels / photo.megapixels))
+    pixels, mask = photo.source.read(min(scale, 1.0))
+    grey = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), np.uint8)
+    if mask is not None:
+        kernel = np.ones((2 * MASK_MARGIN + 1, 2 * MASK_MARGIN + 1), np.uint8)
+        mask = np.asarray(cv2.erode(mask, kernel), np.uint8)
+    enlargement = min(scale, MAX_ENLARGEMENT[options.detector])
+    if enlargement > 1:
+        size = round(photo.size[0] * enlargement), round(photo.size[1] * enlargement)
+        grey = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_CUBIC), np.uint8)
+        mask = None if mask is None else np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST), np.uint8)
+    return grey, mask
+
+
+def _sample(mask: NDArray[np.uint8], xy: NDArray[np.float32]) -> NDArray[np.bool_]:
+    column, row = np.rint(xy).astype(int).T
+    return np.asarray(mask[row.clip(0, mask.shape[0] - 1), column.clip(0, mask.shape[1] - 1)] > 0)

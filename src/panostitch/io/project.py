@@ -1,0 +1,72 @@
+"""The project file: an alignment as JSON. Photos are named relative to it, so that a folder can be moved."""
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from panostitch.errors import InputError
+from panostitch.io.readers import open_photo
+from panostitch.io.writers import write_bytes
+from panostitch.model.alignment import FORMAT, FORMAT_VERSION, Alignment, LeftOut, LinkSummary, camera_from_json
+from panostitch.model.photo import Photo
+
+EXTENSION = ".pano.json"
+
+
+def write_project(alignment: Alignment, path: str) -> None:
+    """Write an alignment. Raises OutputError."""
+    data = alignment.to_json()
+    for entry in data["photos"]:
+        entry["path"] = os.path.relpath(os.path.abspath(entry["path"]), os.path.abspath(os.path.dirname(path) or "."))
+    write_bytes(path, (json.dumps(data, indent=1, ensure_ascii=False) + "\n").encode())
+
+
+def read_project(path: str) -> Alignment:
+    """Read an alignment and open its photos. Raises InputError."""
+    data = _load(path)
+    try:
+        if data["format"] != FORMAT:
+            raise ValueError("it is no panostitch project")
+        if data["version"] != FORMAT_VERSION:
+            raise ValueError(f"its version is {data['version']}, this program reads {FORMAT_VERSION}")
+        if data["model"] not in ("rotation", "homography") or not data["photos"]:
+            raise ValueError("it holds no panorama")
+        return Alignment(
+            model=data["model"],
+            photos=tuple(_photo(entry, os.path.dirname(path)) for entry in data["photos"]),
+            cameras=tuple(camera_from_json(entry) for entry in data["photos"]),
+            links=tuple(LinkSummary(**link) for link in data["links"]),
+            left_out=tuple(LeftOut(p["name"], p["reason"], tuple(p["details"]), p["hint"]) for p in data["left_out"]),
+            rms=float(data["rms"]),
+            p95=float(data["p95"]),
+            reason=str(data["reason"]),
+        )
+    except InputError:
+        raise
+    except (KeyError, TypeError, ValueError) as error:
+        what = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+        raise InputError(f"{path}: not a sound project file: {what}") from None
+
+
+def _load(path: str) -> dict[str, Any]:
+    try:
+        data = json.loads(Path(path).read_bytes())
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(f"{path}: not a project file: {error}") from None
+    if not isinstance(data, dict):
+        raise InputError(f"{path}: not a project file")
+    return data
+
+
+def _photo(entry: dict[str, Any], folder: str) -> Photo:
+    photo = open_photo(os.path.normpath(os.path.join(folder, entry["path"])))
+    if list(photo.size) != list(entry["size"]):
+        raise InputError(
+            f"{photo.path}: is {photo.size[0]} x {photo.size[1]} px, the project was made with "
+            f"{entry['size'][0]} x {entry['size'][1]}",
+            hint="align anew with `panostitch align`",
+        )
+    return photo

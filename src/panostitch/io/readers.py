@@ -1,0 +1,143 @@
+"""Opening photos: headers at once, pixels when they are asked for.
+
+Pillow reads headers and all formats but ordinary JPEG, which OpenCV decodes twice as fast. Both refuse half a picture.
+"""
+
+import os
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+
+from panostitch.errors import InputError
+from panostitch.io.metadata import read_metadata
+from panostitch.model.photo import Photo
+
+Pixels = NDArray[np.uint8]
+
+# No EPS, PDF or other formats that run programs or hold no photo.
+FORMATS = {"JPEG", "MPO", "PNG", "TIFF", "WEBP", "BMP", "JPEG2000", "PPM"}
+EXTENSIONS = frozenset(".jpg .jpeg .jpe .png .tif .tiff .webp .bmp .jp2 .ppm .pgm .pnm".split())
+REDUCED_MODES = {8: cv2.IMREAD_REDUCED_COLOR_8, 4: cv2.IMREAD_REDUCED_COLOR_4, 2: cv2.IMREAD_REDUCED_COLOR_2}
+MAX_MEGAPIXELS = 1000.0
+Image.MAX_IMAGE_PIXELS = None  # we refuse too large pictures ourselves, by name and before decoding
+
+
+@dataclass(frozen=True)
+class FileSource:
+    """Pixels of a photo in a file; `orientation` is the EXIF orientation that makes them upright."""
+
+    path: str
+    orientation: int
+
+    def read(self, scale: float = 1.0) -> tuple[Pixels, Pixels | None]:
+        """Upright RGB pixels (h, w, 3) at `scale` <= 1 and the mask (h, w) of alpha, if any. Raises InputError."""
+        pixels, mask, (width, height) = _decode(self.path, scale)
+        if scale < 1:
+            size = max(1, round(width * scale)), max(1, round(height * scale))
+            pixels = np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
+            mask = None if mask is None else np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_AREA), np.uint8)
+        return _upright(pixels, self.orientation), None if mask is None else _upright(mask, self.orientation)
+
+
+def open_photos(paths: Sequence[str | os.PathLike[str]]) -> tuple[list[Photo], list[InputError]]:
+    """Photos in the natural order of their names, and what cannot be opened. A file given twice is opened once."""
+    photos: dict[Path, Photo] = {}
+    failures = []
+    for path in paths:
+        try:
+            real = Path(path).resolve()
+            if real not in photos:
+                photos[real] = open_photo(path)
+        except InputError as error:
+            failures.append(error)
+    return _named_apart(sorted(photos.values(), key=lambda photo: natural_key(photo.path))), failures
+
+
+def open_photo(path: str | os.PathLike[str]) -> Photo:
+    """A photo by its header alone. Raises InputError where there is no readable picture."""
+    name = os.fspath(path)
+    if not os.path.exists(name):
+        raise InputError(f"{name}: no such file")
+    if os.path.isdir(name):
+        raise InputError(f"{name}: is a folder", hint="to stitch every sub-folder of a folder, use `panostitch batch`")
+    try:
+        with Image.open(name, formats=sorted(FORMATS)) as image:
+            metadata = read_metadata(image)
+    except UnidentifiedImageError:
+        raise InputError(f"{name}: not a picture", hint=f"known are {', '.join(sorted(FORMATS))}") from None
+    except (OSError, ValueError, SyntaxError) as error:
+        raise InputError(f"{name}: cannot be read: {error}") from None
+    megapixels = metadata.size[0] * metadata.size[1] / 1e6
+    if megapixels > MAX_MEGAPIXELS:
+        raise InputError(f"{name}: claims {megapixels:.0f} megapixels; {MAX_MEGAPIXELS:.0f} is the most")
+    source = FileSource(name, metadata.orientation)
+    return Photo(os.path.basename(name), metadata.size, source, name, metadata.focal, metadata.lens, metadata.notes)
+
+
+def natural_key(name: str) -> tuple[object, ...]:
+    """Sort key under which photo_9 comes before photo_10."""
+    parts = re.split(r"(\d+)", name.casefold())
+    return (*((int(part), "") if part.isdigit() else (-1, part) for part in parts), name)
+
+
+def _named_apart(photos: list[Photo]) -> list[Photo]:
+    """Photos of one name in different folders are called by their paths."""
+    count = Counter(photo.name for photo in photos)
+    return [replace(photo, name=photo.path) if count[photo.name] > 1 else photo for photo in photos]
+
+
+def _decode(path: str, scale: float) -> tuple[Pixels, Pixels | None, tuple[int, int]]:
+    """Stored pixels, their mask, and the size of the whole picture; a JPEG comes reduced where `scale` allows it."""
+    try:
+        with Image.open(path, formats=sorted(FORMATS)) as image:
+            if image.format in ("JPEG", "MPO") and image.mode in ("RGB", "L"):
+                return _decode_jpeg(path, _reduction(image.size, scale)), None, image.size
+            return *_from_pillow(image), image.size
+    except InputError:
+        raise
+    except (OSError, ValueError, SyntaxError, EOFError, cv2.error) as error:
+        raise InputError(f"{path}: broken: {error}", hint="copy it anew from the camera") from None
+
+
+def _reduction(size: tuple[int, int], scale: float) -> int:
+    """By how much the JPEG decoder may reduce, which is quicker; only where it divides the size, to stay exact."""
+    return next((n for n in REDUCED_MODES if n * scale <= 1 and size[0] % n == size[1] % n == 0), 1)
+
+
+def _decode_jpeg(path: str, reduction: int) -> Pixels:
+    mode = REDUCED_MODES.get(reduction, cv2.IMREAD_COLOR) | cv2.IMREAD_IGNORE_ORIENTATION
+    pixels = cv2.imdecode(np.fromfile(path, np.uint8), mode)
+    if pixels is None:
+        raise InputError(f"{path}: broken: the file ends before the picture does", hint="copy it anew from the camera")
+    return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+def _from_pillow(image: Image.Image) -> tuple[Pixels, Pixels | None]:
+    """RGB and alpha of any mode of Pillow's; 16-bit grey is cut to 8 bits."""
+    if image.mode.startswith("I"):
+        grey = (np.asarray(image, np.float64) / 257).clip(0, 255).round().astype(np.uint8)
+        return np.repeat(grey[..., None], 3, axis=2), None
+    if image.mode == "F":
+        raise InputError(f"{getattr(image, 'filename', '')}: pixels are floating point numbers of unknown range")
+    if "A" in image.mode or "transparency" in image.info:
+        rgba = np.asarray(image.convert("RGBA"), np.uint8)
+        return np.ascontiguousarray(rgba[..., :3]), np.ascontiguousarray(rgba[..., 3])
+    return np.array(image.convert("RGB"), np.uint8), None
+
+
+def _upright(array: Pixels, orientation: int) -> Pixels:
+    """Apply an EXIF orientation to an array (h, w, ...)."""
+    if orientation in (5, 6, 7, 8):
+        array = array.swapaxes(0, 1)
+    if orientation in (2, 3, 6, 7):
+        array = array[:, ::-1]
+    if orientation in (3, 4, 7, 8):
+        array = array[::-1]
+    return np.ascontiguousarray(array)

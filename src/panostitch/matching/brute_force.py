@@ -1,0 +1,51 @@
+"""Exact nearest neighbours: one matrix product for floats of unit length, bit counts for binary descriptors."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from panostitch.matching.neighbours import Descriptors, Neighbours
+
+Floats = NDArray[np.float32]
+
+ROWS = 512  # of the product at once: it stays in the processor's cache
+
+
+def nearest(a: Descriptors, b: Descriptors, /, *, seed: int = 0) -> Neighbours:
+    """Nearest neighbours between descriptors a (n, d) and b (m, d); exact, so the seed does not matter."""
+    del seed
+    distances = _hamming if a.dtype == np.uint8 else _square
+    index = np.empty(len(a), np.int32)
+    best, second = np.empty(len(a), np.float32), np.full(len(a), np.inf, np.float32)
+    nearest_back = np.full(len(b), np.inf, np.float32)
+    for start in range(0, len(a), ROWS):
+        part = distances(a[start : start + ROWS], b)
+        nearest_back = np.minimum(nearest_back, part.min(0))
+        rows = slice(start, start + len(part))
+        index[rows], best[rows], second[rows] = _two_smallest(part)
+    mutual = best <= nearest_back[index]
+    if a.dtype != np.uint8:
+        best, second = np.sqrt(best), np.sqrt(second)
+    return Neighbours(index, best, second, mutual)
+
+
+def _square(a: Descriptors, b: Descriptors) -> Floats:
+    """Squared Euclidean distances (n, m) between rows of unit length."""
+    product = a @ b.T
+    product *= -2
+    product += 2
+    return np.asarray(np.maximum(product, 0, out=product), np.float32)
+
+
+def _hamming(a: Descriptors, b: Descriptors) -> Floats:
+    """Numbers (n, m) of differing bits."""
+    return cv2.batchDistance(a, b, cv2.CV_32S, normType=cv2.NORM_HAMMING)[0].astype(np.float32)
+
+
+def _two_smallest(distances: Floats) -> tuple[NDArray[np.intp], Floats, Floats]:
+    """Column, value and runner-up's value of the smallest entry of each row; overwrites the smallest."""
+    rows = np.arange(len(distances))
+    index = distances.argmin(1)
+    best = distances[rows, index]
+    distances[rows, index] = np.inf
+    return index, best, distances.min(1)

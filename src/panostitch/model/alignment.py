@@ -1,0 +1,93 @@
+"""The result of the align half: which photo sees which rays, and what was left out and why."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from panostitch.model.camera import Camera
+from panostitch.model.photo import Photo
+
+FORMAT = "panostitch alignment"
+FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A photo that is not in the panorama, with the reason and the evidence for the user."""
+
+    name: str
+    reason: str
+    details: tuple[str, ...] = ()
+    hint: str = ""
+
+
+@dataclass(frozen=True)
+class LinkSummary:
+    """One link between photos of the alignment: indices into it, matches used, rms px under the cameras."""
+
+    i: int
+    j: int
+    matches: int
+    rms: float
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """Cameras of photos that form one panorama.
+
+    model:    what the photos were taken to be: views from one point (rotation) or of a flat subject (homography)
+    photos, cameras: in the same order
+    links:    the pairs that hold it together
+    left_out: photos that were given but are not part of it
+    rms, p95: of the distance of matched points under the cameras, full-resolution px
+    reason:   why this model was taken, one sentence
+    """
+
+    model: Literal["rotation", "homography"]
+    photos: tuple[Photo, ...]
+    cameras: tuple[Camera, ...]
+    links: tuple[LinkSummary, ...]
+    left_out: tuple[LeftOut, ...]
+    rms: float
+    p95: float
+    reason: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of a project file; paths as the photos have them."""
+        return {
+            "format": FORMAT,
+            "version": FORMAT_VERSION,
+            "model": self.model,
+            "reason": self.reason,
+            "rms": self.rms,
+            "p95": self.p95,
+            "photos": [
+                {
+                    "name": photo.name,
+                    "path": photo.path,
+                    "size": list(photo.size),
+                    "focal": camera.focal,
+                    "centre": list(camera.centre),
+                    "k1": camera.k1,
+                    "k2": camera.k2,
+                    "cam_from_world": camera.cam_from_world.tolist(),
+                }
+                for photo, camera in zip(self.photos, self.cameras, strict=True)
+            ],
+            "links": [vars(link) for link in self.links],
+            "left_out": [vars(photo) for photo in self.left_out],
+        }
+
+
+def camera_from_json(data: dict[str, Any]) -> Camera:
+    """The camera of one entry of a project file. Raises KeyError, TypeError or ValueError on nonsense."""
+    matrix = np.array(data["cam_from_world"], np.float64)
+    width, height = (int(n) for n in data["size"])
+    x, y = (float(n) for n in data["centre"])
+    focal = float(data["focal"])
+    if matrix.shape != (3, 3) or not np.isfinite([*matrix.flat, x, y, focal]).all() or focal <= 0:
+        raise ValueError("camera is not made of finite numbers")
+    if abs(np.linalg.det(matrix)) < 1e-12:
+        raise ValueError("camera matrix is singular")
+    return Camera((width, height), focal, (x, y), matrix, float(data["k1"]), float(data["k2"]))

@@ -1,0 +1,84 @@
+"""What is known of a pair of photos: putative matches, verified matches, or why there is no link."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Indices = NDArray[np.int32]
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PutativeMatch:
+    """Matches of photos i < j by descriptors alone.
+
+    raw:   (n, 2) indices of features in i and j: the nearest neighbour in j of each feature of i
+    pairs: (m, 2) those of them that pass the ratio test and are mutual
+    """
+
+    i: int
+    j: int
+    raw: Indices
+    pairs: Indices
+
+
+@dataclass(frozen=True)
+class VerifiedMatch:
+    """Matches of photos i < j that one homography explains.
+
+    xy_i, xy_j: (k, 2) px, the inliers in each photo
+    j_from_i:   (3, 3) homography from pixels of i to pixels of j
+    putative:   number of matches it was estimated from
+    overlap:    share of the smaller photo that the other one covers, 0 to 1
+    error:      rms distance px of the inliers under the homography
+    """
+
+    i: int
+    j: int
+    xy_i: Floats
+    xy_j: Floats
+    j_from_i: Floats
+    putative: int
+    overlap: float
+    error: float
+
+    @property
+    def inliers(self) -> int:
+        """Number of matches that the homography explains."""
+        return len(self.xy_i)
+
+    def renumbered(self, i: int, j: int) -> "VerifiedMatch":
+        """The same link between photos that have other numbers, i < j."""
+        return replace(self, i=i, j=j)
+
+
+@dataclass(frozen=True)
+class Rejection:
+    """Why photos i < j are not linked; falsy, so that `if link` reads well.
+
+    inliers, needed: matches that agreed, and how many it would have taken
+    overlap:         rough share of overlap where one can be told, else 0
+    """
+
+    i: int
+    j: int
+    reason: str
+    putative: int = 0
+    inliers: int = 0
+    needed: int = 0
+    overlap: float = 0.0
+
+    def __bool__(self) -> bool:
+        return False
+
+
+Link = VerifiedMatch | Rejection
+
+
+@dataclass(frozen=True)
+class Groups:
+    """Photos that belong together, largest group first, and those that belong to none (indices)."""
+
+    panoramas: tuple[tuple[int, ...], ...]
+    singles: tuple[int, ...]

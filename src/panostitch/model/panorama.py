@@ -1,0 +1,42 @@
+"""The panorama as a function of a region, and the plan it is made by."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from panostitch.model.canvas import Canvas, Layer, Region
+
+NOBODY = -1  # label of canvas pixels that no photo covers
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All that needs the whole picture at once, at 1 / `factor` of the canvas.
+
+    gains:      (n,) factor on each photo's encoded pixels
+    factor:     canvas px in a pixel of the arrays below: a power of two
+    labels:     (h, w) int16, which photo owns the pixel; NOBODY outside all photos
+    correction: (h, w, 3) float32, the low bands of the blend minus what hard seams give
+    footprints: for each photo the region of the reduced canvas that it may touch
+    crop:       the part of the canvas that is written
+    crop_reason: why, one sentence
+    """
+
+    gains: NDArray[np.float64]
+    factor: int
+    labels: NDArray[np.int16]
+    correction: NDArray[np.float32]
+    footprints: tuple[tuple[Region, ...], ...]
+    crop: Region
+    crop_reason: str
+
+
+@dataclass(frozen=True)
+class Panorama:
+    """A panorama: `read(region)` makes the pixels of any region of the canvas when they are asked for."""
+
+    canvas: Canvas
+    plan: Plan
+    read: Callable[[Region], Layer]

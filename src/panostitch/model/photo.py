@@ -1,0 +1,48 @@
+"""A photo: a light handle that knows its size and lens, and reads pixels on demand."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Pixels = NDArray[np.uint8]
+
+
+class PixelSource(Protocol):
+    """Something that yields the pixels of one upright photo."""
+
+    def read(self, scale: float = 1.0) -> tuple[Pixels, Pixels | None]:
+        """Pixels (h, w, 3) RGB of the whole photo at `scale` <= 1, and a mask (h, w) where alpha says so.
+
+        The mask is 255 where the photo shows something and 0 where it is transparent; None if it is opaque.
+        Raises InputError where the pixels cannot be had.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Photo:
+    """A photo as the pipeline sees it.
+
+    name:   what messages call it, unique within a run
+    size:   (width, height) px, upright
+    source: where its pixels come from
+    path:   the file it lies in; empty for a photo that exists in memory only
+    focal:  focal length px as the metadata has it, a hint; None where they have none
+    lens:   photos of the same lens share this; empty where the metadata do not say
+    notes:  what was surprising on reading, for the user's eyes
+    """
+
+    name: str
+    size: tuple[int, int]
+    source: PixelSource
+    path: str = ""
+    focal: float | None = None
+    lens: str = ""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def megapixels(self) -> float:
+        """Size in millions of pixels."""
+        return self.size[0] * self.size[1] / 1e6

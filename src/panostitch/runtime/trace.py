@@ -1,0 +1,27 @@
+"""What stages tell to whoever listens: `trace("matching.verified", link=...)`.
+
+No stage knows who listens; the debug pictures and the metrics are made from these events alone. Events are sent from
+the thread that runs the pipeline, in an order that does not depend on the number of threads.
+"""
+
+from typing import Any, Protocol
+
+
+class Trace(Protocol):
+    """Takes the name of an event and its data."""
+
+    def __call__(self, event: str, /, **data: Any) -> None: ...
+
+
+def silent(event: str, /, **data: Any) -> None:
+    """Nobody listens."""
+
+
+def combine(*listeners: Trace) -> Trace:
+    """Tell several listeners."""
+
+    def tell(event: str, /, **data: Any) -> None:
+        for listener in listeners:
+            listener(event, **data)
+
+    return tell

@@ -1,0 +1,1 @@
+"""Scenes with known cameras: photographs of them, and the distance of a solution from the truth."""

@@ -1,0 +1,109 @@
+"""Scenes, rigs and plans."""
+
+import numpy as np
+import pytest
+
+from panostitch.geometry.rotation import angle
+from panostitch.synthetic.scene import FLAT_PLANS, PLANS, plane_scene, rig, sphere_scene, step_for_overlap
+from panostitch.synthetic.score import pair_errors
+from panostitch.synthetic.textures import procedural_texture
+
+EXACT = 1e-9  # px or radians: closed forms in float64
+SEAM_RATIO = 1.3  # step across the texture's edge per mean step between columns; 1 but for chance
+
+
+@pytest.fixture(scope="module")
+def texture():
+    return procedural_texture(1024, 512, seed=3)
+
+
+def test_straight_ahead_is_the_middle_of_the_texture(texture):
+    for scene in (sphere_scene(texture), plane_scene(texture)):
+        middle = scene.coordinates(np.array([[0.0, 0.0, 1.0]]))
+        np.testing.assert_allclose(middle, [[511.5, 255.5]], atol=EXACT)
+
+
+def test_right_is_right_and_down_is_down(texture):
+    for scene in (sphere_scene(texture), plane_scene(texture)):
+        x, y = scene.coordinates(np.array([[0.1, 0.2, 1.0]]))[0]
+        assert x > 512
+        assert y > 256
+
+
+def test_a_ray_away_from_a_plane_meets_nothing(texture):
+    assert np.isnan(plane_scene(texture).coordinates(np.array([[0.1, 0.2, -1.0]]))).all()
+
+
+def test_patch_goes_on_round_the_back(texture):
+    patch = sphere_scene(texture).patch(range(1020, 1030), range(100, 110))
+    np.testing.assert_array_equal(patch[:, :4], texture[100:110, 1020:])
+    np.testing.assert_array_equal(patch[:, 4:], texture[100:110, :6])
+
+
+def test_patch_goes_on_over_the_poles(texture):
+    scene = sphere_scene(texture)
+    np.testing.assert_array_equal(scene.patch(range(10), range(-2, 0)), texture[1::-1, 512:522])
+    np.testing.assert_array_equal(scene.patch(range(10), range(512, 514)), texture[:509:-1, 512:522])
+
+
+def test_a_sphere_refuses_another_aspect(texture):
+    with pytest.raises(ValueError, match="twice as wide"):
+        sphere_scene(texture[:, :1000])
+
+
+def test_texture_wraps_and_is_reproducible(texture):
+    np.testing.assert_array_equal(texture, procedural_texture(1024, 512, seed=3))
+    assert (texture != procedural_texture(1024, 512, seed=4)).mean() > 0.5
+    columns = texture.astype(float)
+    usual = np.abs(np.diff(columns, axis=1)).mean()
+    assert np.abs(columns[:, 0] - columns[:, -1]).mean() < SEAM_RATIO * usual
+
+
+def test_rig_has_the_field_of_view_it_was_asked_for():
+    (camera,) = rig(0.3, size=(800, 600), hfov=1.0)
+    # the field of view ends at the outer edges of the pixels
+    left, right = camera.rays(np.array([[-0.5, 299.5], [799.5, 299.5]]))
+    across = np.arctan2(right[0], right[2]) - np.arctan2(left[0], left[2])
+    assert across == pytest.approx(1.0, abs=EXACT)
+
+
+def test_rig_turns_right_up_and_clockwise():
+    right, up, clockwise = rig([0.2, 0, 0], [0, 0.2, 0], [0, 0, 0.2], size=(80, 60), focal=100)
+    ahead, side = np.array([[0.0, 0.0, 1.0]]), np.array([[0.1, 0.0, 1.0]])
+    assert right.project(ahead)[0, 0] < 39.5
+    assert up.project(ahead)[0, 1] > 29.5
+    assert clockwise.project(side)[0, 1] < 29.5
+
+
+def test_rig_wants_one_of_focal_and_hfov():
+    for wrong in ({}, {"focal": 100.0, "hfov": 1.0}):
+        with pytest.raises(ValueError, match="either"):
+            rig(0.0, size=(80, 60), **wrong)
+
+
+@pytest.mark.parametrize("overlap", [0.1, 0.35, 0.7])
+def test_step_leaves_the_overlap_it_promises(overlap):
+    left, right = rig([0, step_for_overlap(overlap, 1.0)], size=(801, 601), hfov=1.0)
+    edge = left.project(right.rays(np.array([[-0.5, 300.0]])))[0, 0]
+    assert (800.5 - edge) / 801 == pytest.approx(overlap, abs=EXACT)
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_every_photo_of_a_plan_overlaps_another(name):
+    cameras = PLANS[name]()
+    for i, camera in enumerate(cameras):
+        others = [other for j, other in enumerate(cameras) if j != i]
+        assert any(len(pair_errors((camera, other), (camera, other))) >= 30 for other in others)
+
+
+@pytest.mark.parametrize("name", set(PLANS) - FLAT_PLANS)
+def test_cameras_that_turn_are_rotations(name):
+    for camera in PLANS[name]():
+        matrix = camera.cam_from_world
+        np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), atol=EXACT)
+
+
+def test_ring_is_closed():
+    cameras = PLANS["ring"]()
+    first, last = cameras[0], cameras[-1]
+    assert np.rad2deg(angle(first.cam_from_world @ last.cam_from_world.T)) < 40
