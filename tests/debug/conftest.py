@@ -122,12 +122,12 @@ class Run:
         return Alignment("rotation", tuple(self.photos[:2]), cameras, links, left_out, 0.5, 1.25, "fits best")
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def run() -> Run:
     return Run()
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make() -> Any:
     """The makers above, as attributes."""
 

@@ -21,8 +21,8 @@ def test_a_folder_with_something_in_it_is_refused(tmp_path):
 
 def test_overwrite_removes_the_earlier_dump_and_nothing_else(run, tmp_path):
     with Dump(tmp_path) as dump:
-        run.send(dump)
-    mine = [tmp_path / "mine.jpg", tmp_path / "01_features" / "mine.jpg", tmp_path / "20_mine" / "a.jpg"]
+        run.send_render(dump)
+    mine = [tmp_path / "mine.jpg", tmp_path / "05_warped" / "mine.jpg", tmp_path / "20_mine" / "a.jpg"]
     mine[2].parent.mkdir()
     for path in mine:
         path.write_text("mine")
@@ -64,7 +64,9 @@ def test_a_subfolder_that_points_elsewhere_is_left_alone(tmp_path):
     assert (elsewhere / "a.jpg").read_text() == "mine"
 
 
-@pytest.mark.parametrize("text", ['{"accuracy": 1}', "no json", "[]", '{"format": "panostitch debug dump"}'])
+@pytest.mark.parametrize(
+    "text", ['{"accuracy": 1}', "no json", "[]", '{"format": "panostitch debug dump"}', '{"files": []}']
+)
 def test_a_metrics_file_of_another_program_is_not_replaced(tmp_path, text):
     (tmp_path / "metrics.json").write_text(text)
     with pytest.raises(OutputError, match="is not from a debug dump"):
@@ -77,7 +79,7 @@ def test_a_picture_never_replaces_a_file_of_the_user(run, tmp_path):
     mine.parent.mkdir()
     mine.write_text("mine")
     with Dump(tmp_path, overwrite=True) as dump:
-        run.send(dump)
+        run.send_render(dump)
     assert mine.read_text() == "mine"
     data = json.loads((tmp_path / "metrics.json").read_text())
     assert [failure["what"] for failure in data["failed"]] == ["10_panorama/panorama.jpg"]
@@ -96,7 +98,7 @@ def test_a_folder_that_vanishes_is_noted_and_said_at_the_end(run, tmp_path):
     dump = Dump(folder)
     (folder / "metrics.json").unlink()
     folder.rmdir()
-    run.send(dump)
+    run.send_render(dump)
     with pytest.raises(OutputError, match=r"cannot write metrics\.json"):
         dump.close()
 

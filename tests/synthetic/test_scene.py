@@ -4,9 +4,17 @@ import numpy as np
 import pytest
 
 from panostitch.geometry.rotation import angle
-from panostitch.synthetic.scene import FLAT_PLANS, PLANS, plane_scene, rig, sphere_scene, step_for_overlap
+from panostitch.synthetic.scene import (
+    FLAT_PLANS,
+    PLANS,
+    gallery_texture,
+    plane_scene,
+    procedural_texture,
+    rig,
+    sphere_scene,
+    step_for_overlap,
+)
 from panostitch.synthetic.score import pair_errors
-from panostitch.synthetic.textures import procedural_texture
 
 EXACT = 1e-9  # px or radians: closed forms in float64
 SEAM_RATIO = 1.3  # step across the texture's edge per mean step between columns; 1 but for chance
@@ -107,3 +115,13 @@ def test_ring_is_closed():
     cameras = PLANS["ring"]()
     first, last = cameras[0], cameras[-1]
     assert np.rad2deg(angle(first.cam_from_world @ last.cam_from_world.T)) < 40
+
+
+def test_gallery_wraps_and_has_no_hole():
+    texture = gallery_texture(512)
+    assert texture.shape == (256, 512, 3)
+    columns = texture.astype(float)
+    assert np.abs(columns[:, 0] - columns[:, -1]).mean() < 2 * np.abs(np.diff(columns, axis=1)).mean()
+    # neither empty nor burnt out: walls, floor and ceiling all have a tone
+    for band in np.array_split(columns, 8):
+        assert 40 < band.mean() < 245

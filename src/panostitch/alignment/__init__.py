@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from panostitch.alignment.bundle import Observation, Solution, adjust, distances
+from panostitch.alignment.bundle import Solution, adjust, distances
 from panostitch.alignment.initialise import focal_candidates, initial_cameras, lens_groups, spanning_tree
 from panostitch.alignment.model_choice import Choice, choose
 from panostitch.alignment.planar import planar_cameras
+from panostitch.alignment.residuals import Observation
 from panostitch.alignment.straighten import straighten
 from panostitch.errors import AlignmentError
 from panostitch.model.alignment import Alignment, LeftOut, LinkSummary
@@ -24,7 +25,8 @@ __all__ = ["align_group"]
 LOSS_SCALE = 2.0  # working px: about the noise of a key point, so that true matches all count fully
 MATCHES_PER_LINK = 200  # more make the adjustment slower, not better
 MATCHES_TO_START = 40
-LENS_EVIDENCE = 0.02  # share by which a lens parameter must lower the cost to be kept
+LENS_EVIDENCE = 0.1  # share by which a lens parameter must lower the cost: parallax poses as distortion too
+MAX_DISTORTION = 0.2  # at the corner of the photo, as a share of the radius
 MAX_RMS = 12.0  # working px: an alignment that is this far off has not been found
 MIN_FIELD, MAX_FIELD = 0.5, 170.0  # degrees across one photo that a lens can have
 
@@ -126,8 +128,9 @@ def _possible(camera: Camera) -> bool:
     """Whether a lens could exist: a sane field of view, and no fold inside the photo."""
     field = np.rad2deg(2 * np.arctan(max(camera.size) / 2 / camera.focal))
     corner = float(np.hypot(*camera.size)) / 2 / camera.focal
-    factor = 1 + corner**2 * (3 * camera.k1 + corner**2 * 5 * camera.k2)
-    return bool(MIN_FIELD < field < MAX_FIELD and factor > 0.2)
+    slope = 1 + corner**2 * (3 * camera.k1 + corner**2 * 5 * camera.k2)
+    distortion = abs(camera.k1) * corner**2 + abs(camera.k2) * corner**4
+    return bool(MIN_FIELD < field < MAX_FIELD and slope > 0.2 and distortion < MAX_DISTORTION)
 
 
 def _fit(cameras: tuple[Camera, ...], observations: Sequence[Observation]) -> _Fit:

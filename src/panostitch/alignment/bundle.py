@@ -7,11 +7,12 @@ equations are filled by blocks, pair by pair. Brown & Lowe 2007, section 4; Marq
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from panostitch.alignment.residuals import Residuals, linearise, reprojection
+from panostitch.alignment.residuals import Matches, Observation, in_a_row, linearise, reprojection
 from panostitch.geometry import rotation
 from panostitch.model.camera import Camera
 
@@ -20,20 +21,6 @@ Floats = NDArray[np.float64]
 START_DAMPING = 1e-3
 MAX_DAMPING = 1e8
 LENS_STEP_LIMIT = 0.3  # relative change of the focal length in one step
-
-
-@dataclass(frozen=True)
-class Observation:
-    """Matched points (n, 2) px of photos i and j."""
-
-    i: int
-    j: int
-    xy_i: Floats
-    xy_j: Floats
-
-    def swapped(self) -> "Observation":
-        """The same matches seen from the other photo."""
-        return Observation(self.j, self.i, self.xy_j, self.xy_i)
 
 
 @dataclass(frozen=True)
@@ -63,17 +50,17 @@ def adjust(
     loss_scale: px beyond which a residual counts less and less (Cauchy)
     max_steps, tolerance: it ends after so many steps, or when one lowers the cost by a smaller share than this
     """
-    both = [direction for o in observations for direction in (o, o.swapped())]
+    matches = in_a_row([direction for o in observations for direction in (o, o.swapped())])
     current = tuple(cameras)
-    cost = _cost(current, both, loss_scale)
+    cost = _cost(current, matches, loss_scale)
     damping, step = START_DAMPING, 0
     while step < max_steps and damping < MAX_DAMPING:
         step += 1
-        normal, gradient = _normal_equations(current, both, lenses, free_lens, loss_scale)
+        normal, gradient = _normal_equations(current, matches, lenses, free_lens, loss_scale)
         accepted = False
         while not accepted and damping < MAX_DAMPING:
             candidate = _moved(current, _solve(normal, gradient, damping), lenses, free_lens)
-            candidate_cost = _cost(candidate, both, loss_scale) if candidate else np.inf
+            candidate_cost = _cost(candidate, matches, loss_scale) if candidate else np.inf
             accepted = candidate_cost <= cost
             damping = max(damping / 10, 1e-12) if accepted else damping * 10
         if not accepted or candidate is None:
@@ -86,54 +73,39 @@ def adjust(
 
 def distances(cameras: Sequence[Camera], observation: Observation) -> Floats:
     """Distance (n,) px of each match in photo j."""
-    camera_i, camera_j = cameras[observation.i], cameras[observation.j]
-    return np.asarray(np.linalg.norm(reprojection(camera_i, camera_j, observation.xy_i, observation.xy_j), axis=1))
+    return np.asarray(np.linalg.norm(reprojection(cameras, in_a_row([observation])), axis=1))
 
 
-def _cost(cameras: Sequence[Camera], observations: Sequence[Observation], scale: float) -> float:
+def _cost(cameras: Sequence[Camera], matches: Matches, scale: float) -> float:
     """Cauchy loss, in px^2: half the sum of squares where residuals are small."""
-    return sum(float(0.5 * scale**2 * np.log1p((distances(cameras, o) / scale) ** 2).sum()) for o in observations)
+    square = (reprojection(cameras, matches) ** 2).sum(1)
+    return float(0.5 * scale**2 * np.log1p(square / scale**2).sum())
 
 
 def _normal_equations(
-    cameras: Sequence[Camera],
-    observations: Sequence[Observation],
-    lenses: Sequence[int],
-    free_lens: int,
-    scale: float,
+    cameras: Sequence[Camera], matches: Matches, lenses: Sequence[int], free_lens: int, scale: float
 ) -> tuple[Floats, Floats]:
     """Weighted J^T J and J^T r, over all rotations and then all lenses."""
     count = 3 * len(cameras)
     total = count + free_lens * (max(lenses) + 1)
     normal, gradient = np.zeros((total, total)), np.zeros(total)
-    for o in observations:
-        residuals = linearise(cameras[o.i], cameras[o.j], o.xy_i, o.xy_j)
+    residuals = linearise(cameras, matches)
+    kept = [*range(6), *range(6, 6 + free_lens), *range(9, 9 + free_lens)]
+    weight = np.sqrt(1 / (1 + (residuals.value**2).sum(1) / scale**2))
+    rows = residuals.jacobian[:, :, kept] * weight[:, None, None]
+    values = residuals.value * weight[:, None]
+    for begin, end in pairwise(matches.bounds):
+        i, j = int(matches.i[begin]), int(matches.j[begin])
         columns = [
-            *range(3 * o.i, 3 * o.i + 3),
-            *range(3 * o.j, 3 * o.j + 3),
-            *(count + free_lens * lenses[n] + k for n in (o.i, o.j) for k in range(free_lens)),
+            *range(3 * i, 3 * i + 3),
+            *range(3 * j, 3 * j + 3),
+            *(count + free_lens * lenses[n] + k for n in (i, j) for k in range(free_lens)),
         ]
-        block, part = _weighted(residuals, free_lens, scale)
+        block = rows[begin:end].reshape(-1, len(kept))
         # a lens shared by both photos stands twice among the columns: add, do not assign
-        np.add.at(normal, np.ix_(columns, columns), block)
-        np.add.at(gradient, columns, part)
+        np.add.at(normal, np.ix_(columns, columns), block.T @ block)
+        np.add.at(gradient, columns, block.T @ values[begin:end].reshape(-1))
     return normal, gradient
-
-
-def _weighted(residuals: Residuals, free_lens: int, scale: float) -> tuple[Floats, Floats]:
-    jacobian = np.concatenate(
-        [
-            residuals.by_rotation_i,
-            residuals.by_rotation_j,
-            residuals.by_lens_i[:, :, :free_lens],
-            residuals.by_lens_j[:, :, :free_lens],
-        ],
-        axis=2,
-    )
-    weight = 1 / (1 + (residuals.value**2).sum(1) / scale**2)
-    rows = (jacobian * np.sqrt(weight)[:, None, None]).reshape(-1, jacobian.shape[2])
-    values = (residuals.value * np.sqrt(weight)[:, None]).reshape(-1)
-    return rows.T @ rows, rows.T @ values
 
 
 def _solve(normal: Floats, gradient: Floats, damping: float) -> Floats:

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from panostitch.alignment.bundle import Observation
 from panostitch.alignment.initialise import SpanningTree, child_from_parent
+from panostitch.alignment.residuals import Observation
 from panostitch.geometry import homography
 from panostitch.model.camera import Camera
 from panostitch.model.photo import Photo

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from panostitch.debug.ink import (
     GREY,
     LONGEST,
-    PAPER,
     WHITE,
     Colour,
     Picture,
+    blank,
     colour,
     filled,
     fit,
@@ -56,7 +56,7 @@ def graph(
     names, thumbnails and groups are in the same order; thick lines have many inliers.
     """
     side = min(LONGEST, 720 + 60 * len(names))
-    picture = np.full((side, side, 3), PAPER, np.uint8)
+    picture = blank(side, side)
     # photos of a group stand side by side
     order = sorted(range(len(names)), key=lambda k: (groups[k] is None, groups[k] or 0))
     node = int(min(190, 2 * np.pi * (side / 2 - 130) / max(1, len(names)) * 0.82))
@@ -110,7 +110,7 @@ def _draw_node(picture: Picture, name: str, thumbnail: Picture | None, at: Float
     if thumbnail is not None:
         inner = to_bytes(fit(thumbnail, size - 2 * frame))
     else:
-        inner = np.full((size // 2, size - 2 * frame, 3), (70, 72, 76), np.uint8)
+        inner = blank(size // 2, size - 2 * frame, (70, 72, 76))
     height, width = inner.shape[:2]
     x, y = round(at[0] - width / 2), round(at[1] - height / 2)
     cv2.rectangle(picture, (x - frame, y - frame), (x + width + frame - 1, y + height + frame - 1), ink, -1)
@@ -156,7 +156,7 @@ def layout(outlines: Sequence[Floats], names: Sequence[str], size: tuple[int, in
     """
     factor = (LONGEST - 2 * _MARGIN) / max(size)
     width, height = (max(1, round(n * factor)) for n in size)
-    picture = np.full((height + 2 * _MARGIN, width + 2 * _MARGIN, 3), PAPER, np.uint8)
+    picture = blank(height + 2 * _MARGIN, width + 2 * _MARGIN)
     cv2.rectangle(picture, (_MARGIN, _MARGIN), (_MARGIN + width - 1, _MARGIN + height - 1), (12, 12, 14), -1)
     placed = [[rescale(xy + np.array([shift, 0.0]), factor) + _MARGIN for shift in _shifts(period)] for xy in outlines]
     for number, copies in enumerate(placed):
@@ -233,7 +233,7 @@ def gains(names: Sequence[str], values: Floats) -> Picture:
     """Bars of the photos' gains (n,), to the right of a line at 1 if brightened, to the left if darkened."""
     row = int(np.clip((LONGEST - 80) // max(1, len(names)), 3, 30))
     shown = min(len(names), (LONGEST - 80) // row)
-    picture = np.full((shown * row + 70, 1000, 3), PAPER, np.uint8)
+    picture = blank(shown * row + 70, 1000)
     reach = max(0.05, float(np.abs(np.nan_to_num(values) - 1).max(initial=0.0)))
     middle, length = 590, 300
     write(picture, f"gain of each photo (full width: 1 +- {reach:.2f})", (12, 24))

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from panostitch.debug.ink import (
     BLACK,
     LONGEST,
-    PAPER,
     SKY,
     WHITE,
     YELLOW,
     Colour,
     Picture,
     along,
+    blank,
     circle,
     colour,
     fit,
@@ -74,7 +74,7 @@ def matches(left: Picture, right: Picture, groups: Sequence[Lines], *, overlap: 
     overlap: outline (m, 2) px of the left photo in the right one.
     """
     height, width = max(left.shape[0], right.shape[0]), left.shape[1] + GAP + right.shape[1]
-    picture = np.full((height, width, 3), PAPER, np.uint8)
+    picture = blank(height, width)
     picture[: left.shape[0], : left.shape[1]] = _dimmed(left, 0.75)
     beside = picture[: right.shape[0], left.shape[1] + GAP :]
     beside[:] = _dimmed(right, 0.75)
@@ -105,7 +105,7 @@ def _connect(picture: Picture, lines: Lines, *, shift: int, reach: int) -> None:
 def on_canvas(layers: Sequence[Layer], size: tuple[int, int]) -> Picture:
     """The pieces of a warped photo in their places on the canvas of this size (width, height) px."""
     whole = Region(0, 0, *size)
-    picture = np.full((size[1], size[0], 3), PAPER, np.uint8)
+    picture = blank(size[1], size[0])
     for layer in layers:
         seen = layer.region & whole
         if seen:

@@ -9,7 +9,6 @@ from types import TracebackType
 from typing import Any, Self
 
 import cv2
-import numpy as np
 
 from panostitch.debug.folder import Folder
 from panostitch.debug.ink import Picture, fit, to_bytes
@@ -132,7 +131,7 @@ class Dump:
 
 def encode(picture: Picture, suffix: str) -> bytes:
     """A picture as the bytes of a JPEG (`.jpg`) or PNG (`.png`) file. Raises ValueError if it cannot be."""
-    small = np.ascontiguousarray(to_bytes(fit(picture))[..., ::-1])
+    small = cv2.cvtColor(to_bytes(fit(picture)), cv2.COLOR_RGB2BGR)
     done, data = cv2.imencode(suffix, small, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if suffix == ".jpg" else [])
     if not done:
         raise ValueError(f"cannot encode a picture of shape {small.shape}")

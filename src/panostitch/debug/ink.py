@@ -106,6 +106,13 @@ def write(
             place[:] = to_bytes(place * (1 - share) + np.array(paint, np.float32) * share)
 
 
+def blank(height: int, width: int, ground: Colour = PAPER) -> Picture:
+    """An empty picture; many times quicker than `np.full` with a colour."""
+    picture = np.empty((height, width, 3), np.uint8)
+    cv2.rectangle(picture, (0, 0), (width - 1, height - 1), ground, -1)
+    return picture
+
+
 def captioned(picture: Picture, *lines: str) -> Picture:
     """The picture with lines of text on a dark strip below, reduced so that both fit into LONGEST.
 
@@ -115,7 +122,7 @@ def captioned(picture: Picture, *lines: str) -> Picture:
     factor = min(1.0, LONGEST / picture.shape[1], (LONGEST - strip) / picture.shape[0])
     picture = to_bytes(resized(picture, round(picture.shape[1] * factor), round(picture.shape[0] * factor)))
     height, width = picture.shape[:2]
-    sheet = np.full((height + strip, max(width, _NARROWEST), 3), PAPER, np.uint8)
+    sheet = blank(height + strip, max(width, _NARROWEST))
     left = (sheet.shape[1] - width) // 2
     sheet[:height, left : left + width] = picture
     for number, line in enumerate(lines):

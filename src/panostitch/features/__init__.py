@@ -41,7 +41,7 @@ DETECTORS: dict[str, Callable[[NDArray[np.uint8], int], Described]] = {
 
 # All but SIFT, which doubles the picture itself, find more and better placed points in a small photo when it is
 # enlarged first.
-MAX_ENLARGEMENT = {"sift": 1.0, "surf": 2.0, "orb": 2.0, "akaze": 2.0}
+MAX_ENLARGEMENT = {"sift": 2.0, "surf": 2.0, "orb": 2.0, "akaze": 2.0}
 
 MASK_MARGIN = 8  # working px next to transparency where a corner would be the mask's own
 

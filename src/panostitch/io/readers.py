@@ -13,7 +13,17 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
+from PIL import (
+    BmpImagePlugin,
+    Image,
+    Jpeg2KImagePlugin,
+    JpegImagePlugin,
+    PngImagePlugin,
+    PpmImagePlugin,
+    TiffImagePlugin,
+    UnidentifiedImageError,
+    WebPImagePlugin,
+)
 
 from panostitch.errors import InputError
 from panostitch.io.metadata import read_metadata
@@ -21,8 +31,18 @@ from panostitch.model.photo import Photo
 
 Pixels = NDArray[np.uint8]
 
-# No EPS, PDF or other formats that run programs or hold no photo.
-FORMATS = {"JPEG", "MPO", "PNG", "TIFF", "WEBP", "BMP", "JPEG2000", "PPM"}
+# No EPS, PDF or other formats that run programs or hold no photo; importing a plug-in registers it with Pillow.
+# MPO, JPEGs with a second picture as some phones write them, comes with JPEG.
+PLUGINS = (
+    JpegImagePlugin.JpegImageFile,
+    PngImagePlugin.PngImageFile,
+    TiffImagePlugin.TiffImageFile,
+    WebPImagePlugin.WebPImageFile,
+    BmpImagePlugin.BmpImageFile,
+    Jpeg2KImagePlugin.Jpeg2KImageFile,
+    PpmImagePlugin.PpmImageFile,
+)
+FORMATS = sorted({str(plugin.format) for plugin in PLUGINS})
 EXTENSIONS = frozenset(".jpg .jpeg .jpe .png .tif .tiff .webp .bmp .jp2 .ppm .pgm .pnm".split())
 REDUCED_MODES = {8: cv2.IMREAD_REDUCED_COLOR_8, 4: cv2.IMREAD_REDUCED_COLOR_4, 2: cv2.IMREAD_REDUCED_COLOR_2}
 MAX_MEGAPIXELS = 1000.0
@@ -68,10 +88,10 @@ def open_photo(path: str | os.PathLike[str]) -> Photo:
     if os.path.isdir(name):
         raise InputError(f"{name}: is a folder", hint="to stitch every sub-folder of a folder, use `panostitch batch`")
     try:
-        with Image.open(name, formats=sorted(FORMATS)) as image:
+        with Image.open(name, formats=FORMATS) as image:
             metadata = read_metadata(image)
     except UnidentifiedImageError:
-        raise InputError(f"{name}: not a picture", hint=f"known are {', '.join(sorted(FORMATS))}") from None
+        raise InputError(f"{name}: not a picture", hint=f"known are {', '.join(FORMATS)}") from None
     except (OSError, ValueError, SyntaxError) as error:
         raise InputError(f"{name}: cannot be read: {error}") from None
     megapixels = metadata.size[0] * metadata.size[1] / 1e6
@@ -96,7 +116,7 @@ def _named_apart(photos: list[Photo]) -> list[Photo]:
 def _decode(path: str, scale: float) -> tuple[Pixels, Pixels | None, tuple[int, int]]:
     """Stored pixels, their mask, and the size of the whole picture; a JPEG comes reduced where `scale` allows it."""
     try:
-        with Image.open(path, formats=sorted(FORMATS)) as image:
+        with Image.open(path, formats=FORMATS) as image:
             if image.format in ("JPEG", "MPO") and image.mode in ("RGB", "L"):
                 return _decode_jpeg(path, _reduction(image.size, scale)), None, image.size
             return *_from_pillow(image), image.size

@@ -1,6 +1,5 @@
-"""Exact nearest neighbours: one matrix product for floats of unit length, bit counts for binary descriptors."""
+"""Exact nearest neighbours by one matrix product, for floats of unit length and, as rows of +1 and -1, for bits."""
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +13,10 @@ ROWS = 512  # of the product at once: it stays in the processor's cache
 def nearest(a: Descriptors, b: Descriptors, /, *, seed: int = 0) -> Neighbours:
     """Nearest neighbours between descriptors a (n, d) and b (m, d); exact, so the seed does not matter."""
     del seed
-    distances = _hamming if a.dtype == np.uint8 else _square
+    binary = a.dtype == np.uint8
+    distances = _hamming if binary else _square
+    if binary:
+        a, b = _signs(a), _signs(b)
     index = np.empty(len(a), np.int32)
     best, second = np.empty(len(a), np.float32), np.full(len(a), np.inf, np.float32)
     nearest_back = np.full(len(b), np.inf, np.float32)
@@ -24,12 +26,12 @@ def nearest(a: Descriptors, b: Descriptors, /, *, seed: int = 0) -> Neighbours:
         rows = slice(start, start + len(part))
         index[rows], best[rows], second[rows] = _two_smallest(part)
     mutual = best <= nearest_back[index]
-    if a.dtype != np.uint8:
+    if not binary:
         best, second = np.sqrt(best), np.sqrt(second)
     return Neighbours(index, best, second, mutual)
 
 
-def _square(a: Descriptors, b: Descriptors) -> Floats:
+def _square(a: Floats, b: Floats) -> Floats:
     """Squared Euclidean distances (n, m) between rows of unit length."""
     product = a @ b.T
     product *= -2
@@ -37,9 +39,17 @@ def _square(a: Descriptors, b: Descriptors) -> Floats:
     return np.asarray(np.maximum(product, 0, out=product), np.float32)
 
 
-def _hamming(a: Descriptors, b: Descriptors) -> Floats:
-    """Numbers (n, m) of differing bits."""
-    return cv2.batchDistance(a, b, cv2.CV_32S, normType=cv2.NORM_HAMMING)[0].astype(np.float32)
+def _signs(descriptors: Descriptors) -> Floats:
+    """Bits (n, 8 d) of bytes (n, d) as +1 and -1."""
+    return np.unpackbits(descriptors, axis=1).astype(np.float32) * 2 - 1
+
+
+def _hamming(a: Floats, b: Floats) -> Floats:
+    """Numbers (n, m) of differing bits between rows of signs; exact, since they are small whole numbers."""
+    product = a @ b.T
+    product -= a.shape[1]
+    product *= np.float32(-0.5)
+    return product
 
 
 def _two_smallest(distances: Floats) -> tuple[NDArray[np.intp], Floats, Floats]:

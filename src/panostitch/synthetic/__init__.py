@@ -1,1 +1,7 @@
-"""Scenes with known cameras: photographs of them, and the distance of a solution from the truth."""
+"""Scenes with known cameras: photographs of them, and the distance of a solution from the truth.
+
+textures, gallery: pictures to put on a sphere or a plane
+scene:             the sphere or plane, and plans: sets of cameras that look at it
+render:            photos of a scene
+score:             how far estimated cameras are from the true ones, px
+"""

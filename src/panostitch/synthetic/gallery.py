@@ -221,10 +221,10 @@ def _outside(hall: Hall, x: Colours, z: Colours, slope: Colours, longitude: Colo
     tile_x, tile_z = ((at % 5) * 102.3 for at in (x * ground, z * ground))
     blades = cv2.remap(hall.grass, tile_x.astype(np.float32), tile_z.astype(np.float32), cv2.INTER_LINEAR)
     near = np.exp(-ground / 9)[..., None]
-    lawn = _rgb(112, 150, 66) * (1 + 0.8 * (blades - 1) * near)
-    lawn += (1 - near) * _rgb(22, 26, 12)
+    lawn = _rgb(104, 136, 70) * (1 + 0.8 * (blades - 1) * near)
+    lawn += (1 - near) * _rgb(14, 12, 8)
     hills = 0.10 + 0.035 * np.sin(5 * longitude + 1) + 0.022 * np.sin(13 * longitude) + 0.012 * np.sin(41 * longitude)
-    leaves = cv2.remap(hall.cloud, (turn * 16 % 1 * 2047).astype(np.float32), (cloud_rows * 14 % 511), cv2.INTER_LINEAR)
+    leaves = cv2.remap(hall.cloud, (turn * 40 % 1 * 2047).astype(np.float32), (cloud_rows * 20 % 511), cv2.INTER_LINEAR)
     hedge = _rgb(72, 104, 62) * (1 + 0.2 * leaves)[..., None]
     edge = np.clip((up - hills - 0.012 * leaves) / 0.006, 0, 1)[..., None]
     return np.asarray(np.where(slope[..., None] > 0, lawn, hedge * (1 - edge) + sky * edge), np.float32)

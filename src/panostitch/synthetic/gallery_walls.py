@@ -4,12 +4,13 @@ Only pictures that scikit-image states to be CC0 or in the public domain hang he
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Colours = NDArray[np.float32]
+Colours = NDArray[np.floating]
 RGB = tuple[float, float, float]
 
 WALLS = 8
@@ -173,7 +174,7 @@ def _panelling(colours: Colours, window: tuple[float, float] | None) -> None:
     for left, right in sills:
         count = max(1, round((right - left) / _px(0.8)))
         edges = np.linspace(left, right, count + 1).astype(int)
-        for a, b in zip(edges[:-1], edges[1:], strict=True):
+        for a, b in pairwise(edges):
             box = (a + _px(0.08), top + _px(0.1), b - _px(0.08), skirting - _px(0.07))
             _bevel(colours, box, _px(0.03), depth=-0.16)
         colours[top : top + _px(0.06), left:right, :3] = CREAM

@@ -10,6 +10,10 @@ from numpy.typing import NDArray
 from panostitch.geometry.rotation import from_angles
 from panostitch.model.camera import Camera
 
+# the textures belong to the scenes' front door
+from panostitch.synthetic.gallery import gallery_texture as gallery_texture
+from panostitch.synthetic.textures import procedural_texture as procedural_texture
+
 Floats = NDArray[np.float64]
 Texture = NDArray[np.uint8] | NDArray[np.float32]
 Angles = Sequence[float] | NDArray[np.floating] | float
