@@ -15,7 +15,7 @@ _HOMES = {
     "PanostitchError": "panostitch.errors",
 }
 
-__all__ = ["Options", "PanostitchError", "align", "open_photos", "render", "write_panorama"]  # noqa: F822
+__all__ = ["Options", "PanostitchError", "align", "open_photos", "render", "write_panorama"]
 
 
 def __getattr__(name: str) -> Any:

@@ -1,13 +1,19 @@
 """Stage 3: verified matches to cameras."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from panostitch.alignment.bundle import Solution, adjust, distances
-from panostitch.alignment.initialise import focal_candidates, initial_cameras, lens_groups, spanning_tree
+from panostitch.alignment.initialise import (
+    focal_candidates,
+    holds_together,
+    initial_cameras,
+    lens_groups,
+    spanning_tree,
+)
 from panostitch.alignment.model_choice import Choice, choose
 from panostitch.alignment.planar import planar_cameras
 from panostitch.alignment.residuals import Observation
@@ -28,16 +34,21 @@ MATCHES_TO_START = 40
 LENS_EVIDENCE = 0.1  # share by which a lens parameter must lower the cost: parallax poses as distortion too
 MAX_DISTORTION = 0.2  # at the corner of the photo, as a share of the radius
 MAX_RMS = 12.0  # working px: an alignment that is this far off has not been found
+CONTRADICTION = 4.0  # times the median error of all links: a link that is further off speaks of another scene
+MIN_CONTRADICTION = 4.0  # working px: parallax makes links differ by this much
 MIN_FIELD, MAX_FIELD = 0.5, 170.0  # degrees across one photo that a lens can have
+
+Solve = Callable[[Sequence[Photo], Sequence[VerifiedMatch]], tuple[Camera, ...] | None]
 
 
 @dataclass(frozen=True)
 class _Fit:
-    """Cameras with the rms and 95th percentile (px) of the matches under them."""
+    """Cameras with the rms and 95th percentile (px) of the matches under them, and the links they rest on."""
 
     cameras: tuple[Camera, ...]
     rms: float
     p95: float
+    links: tuple[VerifiedMatch, ...]
 
 
 def align_group(
@@ -54,31 +65,59 @@ def align_group(
     `pixel_size` is the size of a working pixel in px of the photos, the unit of the matches' noise. Raises
     AlignmentError where no cameras explain the matches.
     """
-    observations = [_thinned(link, MATCHES_PER_LINK) for link in links]
     scale = LOSS_SCALE * pixel_size
-    tree = spanning_tree(len(photos), links)
     turning = flat = None
     if options.model != "homography":
-        turning = _turning(photos, links, observations, scale)
+        turning = _consistent(photos, links, partial(_turning, scale=scale), pixel_size)
     if options.model == "homography" or (options.model == "auto" and len(photos) == 2):
-        flat = _fit(planar_cameras(photos, observations, tree, loss_scale=scale), observations)
+        flat = _consistent(photos, links, partial(_flat, scale=scale), pixel_size)
     fit, choice = _chosen(turning, flat, pixel_size)
     if not fit.rms <= MAX_RMS * pixel_size:
         raise _failure(photos, fit, pixel_size)
+    cameras = fit.cameras
     if choice.model == "rotation" and options.straighten == "auto":
-        fit = _Fit(straighten(fit.cameras), fit.rms, fit.p95)
+        cameras = straighten(cameras)
     alignment = Alignment(
         choice.model,
         tuple(photos),
-        fit.cameras,
-        tuple(_summary(fit.cameras, o) for o in observations),
+        cameras,
+        tuple(_summary(cameras, _thinned(link, MATCHES_PER_LINK)) for link in fit.links),
         tuple(left_out),
         fit.rms,
         fit.p95,
         choice.reason,
     )
+    dropped = [link for link in links if link not in fit.links]
     trace("alignment.solved", alignment=alignment, residuals={"rms": fit.rms, "p95": fit.p95}, history=[])
+    trace("alignment.dropped", photos=photos, links=dropped)
     return alignment
+
+
+def _consistent(
+    photos: Sequence[Photo], links: Sequence[VerifiedMatch], solve: Solve, pixel_size: float
+) -> _Fit | None:
+    """The solution without links that contradict all others: repeated windows make confident wrong links.
+
+    The worst link is dropped, as long as the others hold the photos together, until all agree.
+    """
+    kept = list(links)
+    while True:
+        cameras = solve(photos, kept)
+        if cameras is None:
+            return None
+        medians = np.array([np.median(distances(cameras, _thinned(link, MATCHES_PER_LINK))) for link in kept])
+        worst = int(np.argmax(medians))
+        limit = max(CONTRADICTION * float(np.median(medians)), MIN_CONTRADICTION * pixel_size)
+        rest = kept[:worst] + kept[worst + 1 :]
+        if medians[worst] <= limit or not holds_together(len(photos), rest):
+            return _fit(cameras, kept)
+        kept = rest
+
+
+def _flat(photos: Sequence[Photo], links: Sequence[VerifiedMatch], *, scale: float) -> tuple[Camera, ...]:
+    """The cameras of a flat subject."""
+    observations = [_thinned(link, MATCHES_PER_LINK) for link in links]
+    return planar_cameras(photos, observations, spanning_tree(len(photos), links), loss_scale=scale)
 
 
 def _thinned(link: VerifiedMatch, most: int) -> Observation:
@@ -88,9 +127,7 @@ def _thinned(link: VerifiedMatch, most: int) -> Observation:
     return Observation(link.i, link.j, link.xy_i[index], link.xy_j[index])
 
 
-def _turning(
-    photos: Sequence[Photo], links: Sequence[VerifiedMatch], observations: Sequence[Observation], scale: float
-) -> _Fit | None:
+def _turning(photos: Sequence[Photo], links: Sequence[VerifiedMatch], *, scale: float) -> tuple[Camera, ...] | None:
     """The best cameras that turn about one point; None if every start ends in an impossible lens."""
     lenses = lens_groups(photos)
     tree = spanning_tree(len(photos), links)
@@ -107,8 +144,9 @@ def _turning(
     if not solutions:
         return None
     best = min(solutions, key=lambda s: s.cost)
-    exact = adjust(best.cameras, observations, lenses, free_lens=1, loss_scale=scale)
-    return _fit(_with_lens(exact, observations, lenses, scale).cameras, observations)
+    many = [_thinned(link, MATCHES_PER_LINK) for link in links]
+    exact = adjust(best.cameras, many, lenses, free_lens=1, loss_scale=scale)
+    return _with_lens(exact, many, lenses, scale).cameras
 
 
 def _with_lens(
@@ -133,9 +171,9 @@ def _possible(camera: Camera) -> bool:
     return bool(MIN_FIELD < field < MAX_FIELD and slope > 0.2 and distortion < MAX_DISTORTION)
 
 
-def _fit(cameras: tuple[Camera, ...], observations: Sequence[Observation]) -> _Fit:
-    errors: NDArray[np.float64] = np.concatenate([distances(cameras, o) for o in observations])
-    return _Fit(cameras, float(np.sqrt((errors**2).mean())), float(np.percentile(errors, 95)))
+def _fit(cameras: tuple[Camera, ...], links: Sequence[VerifiedMatch]) -> _Fit:
+    errors = np.concatenate([distances(cameras, _thinned(link, MATCHES_PER_LINK)) for link in links])
+    return _Fit(cameras, float(np.sqrt((errors**2).mean())), float(np.percentile(errors, 95)), tuple(links))
 
 
 def _chosen(turning: _Fit | None, flat: _Fit | None, pixel_size: float) -> tuple[_Fit, Choice]:

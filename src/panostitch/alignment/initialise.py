@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
 from panostitch.geometry import homography, rotation
 from panostitch.model.camera import Camera
@@ -59,14 +59,27 @@ def _from_homographies(photos: Sequence[Photo], links: Sequence[VerifiedMatch]) 
     return [float(np.median(plausible))] if plausible else []
 
 
-def spanning_tree(count: int, links: Sequence[VerifiedMatch]) -> SpanningTree:
-    """The tree of most inliers over `count` connected photos; its root is the best connected photo."""
+def holds_together(count: int, links: Sequence[VerifiedMatch]) -> bool:
+    """Whether the links connect all of `count` photos."""
+    if not links:
+        return count <= 1
+    return connected_components(_graph(count, links), directed=False)[0] == 1
+
+
+def _graph(count: int, links: Sequence[VerifiedMatch]) -> csr_array:
+    """Photos and links as a sparse matrix (count, count); short where there are many inliers."""
     i, j = np.array([(link.i, link.j) for link in links], np.intp).T
     inliers = np.array([link.inliers for link in links], np.float64)
-    graph = coo_array((1 / inliers, (i, j)), shape=(count, count)).tocsr()
-    tree = minimum_spanning_tree(graph)
+    return coo_array((1 / inliers, (i, j)), shape=(count, count)).tocsr()
+
+
+def spanning_tree(count: int, links: Sequence[VerifiedMatch]) -> SpanningTree:
+    """The tree of most inliers over `count` connected photos; its root is the best connected photo."""
+    tree = minimum_spanning_tree(_graph(count, links))
     both_ways = tree + tree.T
-    strength = np.bincount(i, inliers, count) + np.bincount(j, inliers, count)
+    strength = np.zeros(count)
+    for link in links:
+        strength[[link.i, link.j]] += link.inliers
     root = int(np.argmax(strength))
     order, parents = breadth_first_order(both_ways, root, directed=False)
     by_pair = {(link.i, link.j): link for link in links}

@@ -19,9 +19,7 @@ from panostitch.options import (
 @click.argument("photos", nargs=-1, required=True)
 @click.option("-o", "--output", required=True, metavar="PANORAMA", help="Where to write: .jpg, .png or .tif.")
 @click.option("--save-project", metavar="FILE.pano.json", default=None, help="Keep the alignment, for `render`.")
-@stage_options(
-    FeatureOptions, MatchingOptions, AlignmentOptions, LayoutOptions, CompositingOptions, OutputOptions
-)
+@stage_options(FeatureOptions, MatchingOptions, AlignmentOptions, LayoutOptions, CompositingOptions, OutputOptions)
 @run_options
 def command(photos: tuple[str, ...], output: str, save_project: str | None, **given: Any) -> int:
     """Stitch PHOTOS (files, folders, globs, @list.txt, - for a list on standard input) into a panorama."""
@@ -35,9 +33,7 @@ def command(photos: tuple[str, ...], output: str, save_project: str | None, **gi
     inputs = [photo.path for photo in opened]
     writers.check_output(output, overwrite=given["overwrite"], inputs=inputs)
     if save_project:
-        writers.check_output(
-            save_project, overwrite=given["overwrite"], inputs=inputs, extensions=[project.EXTENSION]
-        )
+        writers.check_output(save_project, overwrite=given["overwrite"], inputs=inputs, extensions=[project.EXTENSION])
     with debug_trace(given) as trace:
         alignment = pipeline.align(opened, options, run=run, trace=trace)
         if not given["quiet"]:

@@ -49,13 +49,16 @@ def _owners(
     labels: NDArray[np.int16], photos: list[int], masks: list[NDArray[np.bool_]], factor: int
 ) -> NDArray[np.int64]:
     """Index into `photos` of each pixel's owner (h, w): by the enlarged labels, among the photos that cover it."""
+    owner = np.zeros(masks[0].shape, np.int64)
     if len(photos) == 1:
-        return np.zeros(masks[0].shape, np.int64)
-    shares = []
-    for n, mask in zip(photos, masks, strict=True):
-        share = _enlarge((labels == n).astype(np.float32), factor)
-        shares.append(np.where(mask, share + 2, share))  # to cover a pixel counts for more than to be near
-    return np.argmax(np.stack(shares), axis=0)
+        return owner
+    largest = np.full(owner.shape, -1, np.float32)
+    for k, (n, mask) in enumerate(zip(photos, masks, strict=True)):
+        # to cover a pixel counts for more than to be near it
+        share = _enlarge((labels == n).astype(np.float32), factor) + np.float32(2) * mask
+        owner[share > largest] = k
+        np.maximum(largest, share, out=largest)
+    return owner
 
 
 def _lookup(array: NDArray[np.generic], plan: Plan, canvas: Canvas, tile: Region) -> NDArray[np.generic]:

@@ -5,26 +5,44 @@ from numpy.typing import NDArray
 
 from panostitch.model.canvas import Region
 
+COARSE = 320  # px: the search for the rectangle is quick up to here
 KEEP_AT_LEAST = 0.6  # of the covered area: if the rectangle holds less, cutting would lose too much of the view
 
 
 def largest_rectangle(covered: NDArray[np.bool_]) -> Region:
-    """The largest rectangle of True pixels; an empty region where there are none.
+    """The largest rectangle of True pixels, to within a few pixels; an empty region where there are none.
 
-    The histogram method: for each row, heights of the columns of True above it, and a stack of rising heights.
-    O(pixels).
+    Found on a copy of at most COARSE px a side whose pixels are True where all of theirs are, then grown to where
+    something is not covered.
     """
+    step = -(-max(covered.shape) // COARSE)
+    height, width = (side // step * step for side in covered.shape)
+    blocks = covered[:height, :width].reshape(height // step, step, width // step, step).all(axis=(1, 3))
     best = Region(0, 0, 0, 0)
-    heights = np.zeros(covered.shape[1], np.int64)
-    for bottom, row in enumerate(covered, start=1):
+    heights = np.zeros(blocks.shape[1], np.int64)
+    for bottom, row in enumerate(blocks, start=1):
         heights = np.where(row, heights + 1, 0)
         candidate = _largest_under(heights.tolist(), bottom)
         if candidate.area > best.area:
             best = candidate
-    return best
+    return _grown_inside(best.times(step), covered) if best else best
+
+
+def _grown_inside(region: Region, covered: NDArray[np.bool_]) -> Region:
+    """Move each side outwards while all pixels inside are covered."""
+    whole = Region(0, 0, covered.shape[1], covered.shape[0])
+    growing = True
+    while growing:
+        growing = False
+        for side in (Region(-1, 0, 1, 0), Region(0, -1, 0, 1), Region(0, 0, 1, 0), Region(0, 0, 0, 1)):
+            wider = Region(region.x + side.x, region.y + side.y, region.width + side.width, region.height + side.height)
+            if wider & whole == wider and covered[wider.within(whole)].all():
+                region, growing = wider, True
+    return region
 
 
 def _largest_under(heights: list[int], bottom: int) -> Region:
+    """The largest rectangle that stands on a row, by the histogram method: a stack of rising heights."""
     best = Region(0, 0, 0, 0)
     rising: list[tuple[int, int]] = []  # (first column, height), heights rising
     for column, height in enumerate([*heights, 0]):

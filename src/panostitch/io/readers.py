@@ -43,7 +43,9 @@ PLUGINS = (
     PpmImagePlugin.PpmImageFile,
 )
 FORMATS = sorted({str(plugin.format) for plugin in PLUGINS})
-EXTENSIONS = frozenset(".jpg .jpeg .jpe .png .tif .tiff .webp .bmp .jp2 .ppm .pgm .pnm".split())
+EXTENSIONS = frozenset(
+    [".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".webp", ".bmp", ".jp2", ".ppm", ".pgm", ".pnm"]
+)
 REDUCED_MODES = {8: cv2.IMREAD_REDUCED_COLOR_8, 4: cv2.IMREAD_REDUCED_COLOR_4, 2: cv2.IMREAD_REDUCED_COLOR_2}
 MAX_MEGAPIXELS = 1000.0
 Image.MAX_IMAGE_PIXELS = None  # we refuse too large pictures ourselves, by name and before decoding

@@ -22,7 +22,7 @@ Pixels = NDArray[np.uint8]
 
 EXTENSIONS = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
 JPEG_LIMIT = 65_500  # px a side
-TILE = 2048
+TILE = 1024  # px a side: its arrays stay small, and most tiles hold no seam
 PREVIEW = 1600  # px, longer side of the preview that goes to the trace
 PNG_LEVEL = 3  # a quarter of the time of the best compression for a few per cent of size
 

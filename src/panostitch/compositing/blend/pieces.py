@@ -39,10 +39,12 @@ Join = Callable[[Sequence[Piece], Floats, int], Floats]
 
 def hard_composite(pieces: Sequence[Piece], shape: tuple[int, int]) -> tuple[Floats, Booleans]:
     """Each pixel (h, w, 3) from its owner, and where the owner covers it; uncovered pixels are filled smoothly."""
+    if len(pieces) == 1 and pieces[0].mask.shape == shape and pieces[0].mask.all():
+        return pieces[0].pixels, pieces[0].mask
     picture, covered = np.zeros((*shape, 3), np.float32), np.zeros(shape, bool)
     for piece in pieces:
         shown = piece.owns & piece.mask
-        picture[piece.place][shown] = piece.pixels[shown]
+        np.copyto(picture[piece.place], piece.pixels, where=shown[..., None])
         covered[piece.place] |= shown
     return (picture if covered.all() else fill(picture, covered)), covered
 

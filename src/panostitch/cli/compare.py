@@ -1,0 +1,112 @@
+"""`panostitch compare`: cv2.Stitcher and panostitch on the same photos."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from panostitch.cli.options import options_of, run_options, stage_options
+from panostitch.options import (
+    AlignmentOptions,
+    CompositingOptions,
+    FeatureOptions,
+    LayoutOptions,
+    MatchingOptions,
+    OutputOptions,
+)
+
+if TYPE_CHECKING:
+    from panostitch.jobs.compare import Comparison, Misfit
+    from panostitch.jobs.contender import Outcome
+
+HEAD = ("", "photos", "panorama", "seconds", "CPU s", "memory MB", "median px", "rms px", "95 % px")
+NOTHING = "-"
+
+
+@click.command("compare")
+@click.argument("photos", nargs=-1, required=True)
+@click.option("-o", "--output", required=True, metavar="PICTURE", help="Both panoramas, one above the other.")
+@stage_options(FeatureOptions, MatchingOptions, AlignmentOptions, LayoutOptions, CompositingOptions, OutputOptions)
+@run_options
+def command(photos: tuple[str, ...], output: str, **given: Any) -> int:
+    """Stitch PHOTOS by OpenCV's cv2.Stitcher and by panostitch, and put both side by side.
+
+    Each runs in a process of its own. The table says what each includes and costs, and how far (in pixels of the full
+    photos) its cameras leave points apart that another detector has matched. The exit code is panostitch's.
+    """
+    import tempfile
+
+    from panostitch.cli import report
+    from panostitch.cli.session import executor, open_given
+    from panostitch.errors import EXIT_BUG, PanostitchError
+    from panostitch.io import writers
+    from panostitch.jobs import compare
+
+    opened = open_given(photos)
+    writers.check_output(output, overwrite=given["overwrite"], inputs=[photo.path for photo in opened])
+    settings = {name: given[name] for name in ("threads", "debug_dir", "overwrite")}
+    with tempfile.TemporaryDirectory(prefix="panostitch-compare-") as folder:
+        comparison = compare.compare(opened, options_of(given), folder, run=executor(given), **settings)
+        failure = compare.failure(comparison)
+        if not failure:
+            writers.write_picture(output, compare.side_by_side(comparison), quality=given["quality"])
+    if failure or not comparison.ours.alignment:
+        code = failure.exit_code if isinstance(failure, PanostitchError) else EXIT_BUG
+    else:
+        code = report.exit_code(comparison.ours.alignment)
+    if given["as_json"]:
+        report.print_json(comparison.to_json() | {"path": "" if failure else output, "exit_code": code})
+    else:
+        for line in table(comparison):
+            click.echo(report.printable(line))
+    if failure:
+        raise failure
+    if not given["quiet"]:
+        report.say(f"{output}: both panoramas, one above the other")
+    return code
+
+
+def table(comparison: "Comparison") -> list[str]:
+    """The comparison in lines: a row for each program, then what does not fit into a row."""
+    rows = [HEAD, *(_row(comparison, o, m) for o, m in zip(comparison.outcomes, comparison.misfits, strict=True))]
+    lines = _aligned(rows)
+    for outcome in comparison.outcomes:
+        left_out = comparison.left_out(outcome)
+        if not outcome.size:
+            lines.append(f"{outcome.program}: {outcome.status}")
+        elif left_out:
+            lines.append(f"{outcome.program} leaves out {', '.join(left_out)}")
+    if comparison.points:
+        pairs = "pair" if comparison.pairs == 1 else "pairs"
+        lines.append(
+            f"px: distance in the full photos between {comparison.points} matched points of {comparison.detector}, "
+            f"in {comparison.pairs} overlapping {pairs} of photos"
+        )
+    return lines
+
+
+def _row(comparison: "Comparison", outcome: "Outcome", misfit: "Misfit | None") -> tuple[str, ...]:
+    return (
+        f"{outcome.program} {outcome.version}",
+        f"{len(comparison.included(outcome))} of {len(comparison.photos)}",
+        f"{outcome.size[0]} x {outcome.size[1]}" if outcome.size else NOTHING,
+        _number(outcome.seconds, 2),
+        _number(outcome.cpu_seconds, 2),
+        _number(outcome.peak_megabytes, 0),
+        *(_number(value, 2) for value in ((misfit.median, misfit.rms, misfit.p95) if misfit else (None,) * 3)),
+    )
+
+
+def _number(value: float | None, digits: int) -> str:
+    return NOTHING if value is None else f"{value:.{digits}f}"
+
+
+def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    """Rows as lines, the first column to the left and numbers to the right."""
+    widths = [max(len(row[n]) for row in rows) for n in range(len(rows[0]))]
+    return [
+        "  ".join(
+            cell.rjust(width) if n else cell.ljust(width) for n, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]

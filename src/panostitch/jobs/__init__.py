@@ -1,0 +1,1 @@
+"""Uses of the pipeline: comparing it with another program, stitching many folders."""
