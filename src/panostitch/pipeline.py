@@ -38,7 +38,7 @@ def align(photos: Sequence[Photo], options: Options, *, run: Executor = serial, 
     """
     recognition = recognise(photos, options, run=run, trace=trace)
     if not recognition.groups.panoramas:
-        raise _no_overlap(recognition)
+        raise no_overlap(recognition)
     return align_panorama(recognition, 0, options, trace=trace)
 
 
@@ -74,10 +74,7 @@ def align_panorama(recognition: Recognition, number: int, options: Options, *, t
         links,
         options.alignment,
         pixel_size=max(recognition.features[n].pixel_size for n in members),
-        left_out=[
-            *recognition.unreadable,
-            *explain_left_out(recognition.photos, recognition.links, recognition.groups, members),
-        ],
+        left_out=left_out(recognition, members),
         trace=trace,
     )
 
@@ -89,11 +86,16 @@ def render(alignment: Alignment, options: Options, *, run: Executor = serial, tr
     return make_panorama(alignment, canvas, plan, options.compositing)
 
 
-def _no_overlap(recognition: Recognition) -> NoOverlapError:
-    lonely = explain_left_out(recognition.photos, recognition.links, recognition.groups, kept=())
-    everyone = [*recognition.unreadable, *lonely]
+def left_out(recognition: Recognition, kept: Sequence[int]) -> list[LeftOut]:
+    """Why each photo that is not among the kept ones (indices) is not in a panorama."""
+    lonely = explain_left_out(recognition.photos, recognition.links, recognition.groups, kept)
+    return [*recognition.unreadable, *lonely]
+
+
+def no_overlap(recognition: Recognition) -> NoOverlapError:
+    """The error that says of every photo why it overlaps no other."""
     return NoOverlapError(
         "no two photos overlap",
-        details=tuple(f"{photo.name}: {'; '.join(photo.details) or photo.reason}" for photo in everyone),
+        details=tuple(f"{p.name}: {'; '.join(p.details) or p.reason}" for p in left_out(recognition, kept=())),
         hint="photos need about a third of their width in common; see the matches with --debug-dir",
     )

@@ -11,9 +11,7 @@ from panostitch.errors import InputError, UsageError
 
 def photo_paths(arguments: Sequence[str]) -> list[str]:
     """Paths of all photos named. Raises InputError naming every file that does not exist, UsageError for none."""
-    from panostitch.io.readers import EXTENSIONS
-
-    paths = [path for argument in arguments for path in _expand(argument, EXTENSIONS)]
+    paths = [path for argument in arguments for path in _expand(argument)]
     missing = [path for path in paths if not os.path.exists(path)]
     if missing:
         raise InputError(
@@ -26,26 +24,19 @@ def photo_paths(arguments: Sequence[str]) -> list[str]:
     return paths
 
 
-def _expand(argument: str, extensions: frozenset[str]) -> Iterator[str]:
+def _expand(argument: str) -> Iterator[str]:
+    from panostitch.io.readers import photos_in
+
     if argument == "-":
         yield from _lines(sys.stdin.read())
     elif argument.startswith("@") and not os.path.exists(argument):
         yield from _from_list(argument[1:])
     elif os.path.isdir(argument):
-        yield from photos_in(argument, extensions)
+        yield from photos_in(argument)
     elif any(c in argument for c in "*?[") and not os.path.exists(argument):
         yield from sorted(glob.glob(argument)) or [argument]
     else:
         yield argument
-
-
-def photos_in(folder: str, extensions: frozenset[str]) -> list[str]:
-    """Photos in a folder by their extension; hidden files are none."""
-    return sorted(
-        entry.path
-        for entry in os.scandir(folder)
-        if entry.is_file() and not entry.name.startswith(".") and Path(entry.name).suffix.lower() in extensions
-    )
 
 
 def _from_list(path: str) -> list[str]:

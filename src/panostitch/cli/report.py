@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 import click
@@ -66,6 +67,13 @@ def say_panorama(panorama: Panorama, path: str) -> None:
     """What was written, in a line."""
     crop = panorama.plan.crop
     say(f"{path}: {crop.width} x {crop.height} px, {panorama.canvas.projection}; {panorama.plan.crop_reason}")
+
+
+def say_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Rows in aligned columns under a head."""
+    widths = [max(len(row[n]) for row in (head, *rows)) for n in range(len(head))]
+    for row in (head, *rows):
+        say("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
 
 
 def result(alignment: Alignment, panorama: Panorama | None = None, path: str = "") -> dict[str, Any]:

@@ -44,7 +44,7 @@ def read_metadata(image: Image) -> Metadata:
 
 
 def _orientation(value: Any, size: tuple[int, int]) -> tuple[int, tuple[str, ...]]:
-    """The orientation to apply. Sensors lie on their long side: a tag that would lay an upright picture down is stale."""
+    """The orientation to apply. Sensors lie on their long side: a tag that lays an upright picture down is stale."""
     if value not in range(1, 9):
         return 1, ()
     if value in TRANSPOSED and size[1] > size[0]:

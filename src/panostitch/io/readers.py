@@ -103,6 +103,15 @@ def open_photo(path: str | os.PathLike[str]) -> Photo:
     return Photo(os.path.basename(name), metadata.size, source, name, metadata.focal, metadata.lens, metadata.notes)
 
 
+def photos_in(folder: str) -> list[str]:
+    """Paths of the photos in a folder, known by their extensions; hidden files are none."""
+    return sorted(
+        entry.path
+        for entry in os.scandir(folder)
+        if entry.is_file() and not entry.name.startswith(".") and Path(entry.name).suffix.lower() in EXTENSIONS
+    )
+
+
 def natural_key(name: str) -> tuple[object, ...]:
     """Sort key under which photo_9 comes before photo_10."""
     parts = re.split(r"(\d+)", name.casefold())

@@ -77,7 +77,7 @@ def _tile(panorama: Panorama, region: Region) -> tuple[Pixels, Pixels]:
 
 
 def write_picture(path: str, pixels: Pixels, mask: Pixels | None = None, *, quality: int = 92) -> None:
-    """Write RGB pixels (h, w, 3); with a mask that is not full, as alpha where the format has it. Raises OutputError."""
+    """Write RGB pixels (h, w, 3); a mask that is not full becomes alpha where the format has it. Raises OutputError."""
     extension = Path(path).suffix.lower()
     alpha = mask is not None and extension not in (".jpg", ".jpeg") and not mask.all()
     picture = np.dstack([pixels[..., ::-1], mask]) if alpha and mask is not None else pixels[..., ::-1]

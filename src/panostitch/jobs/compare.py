@@ -139,9 +139,11 @@ def compare(
 
 def judge_options(options: Options) -> Options:
     """Options of the judge: another detector than the one that panostitch aligns with, on larger pictures."""
-    detector = "sift" if options.features.detector == "akaze" else "akaze"
-    megapixels = max(JUDGE_MEGAPIXELS, options.features.work_megapixels)
-    features = replace(options.features, detector=detector, work_megapixels=megapixels)
+    features = replace(
+        options.features,
+        detector="sift" if options.features.detector == "akaze" else "akaze",
+        work_megapixels=max(JUDGE_MEGAPIXELS, options.features.work_megapixels),
+    )
     return replace(options, features=features)
 
 
@@ -149,7 +151,9 @@ def _common(recognition: Recognition, photos: Sequence[Photo], outcomes: Sequenc
     """The judge's links, by indices into `photos`, of what every program with a panorama includes."""
     number = {photo.name: n for n, photo in enumerate(photos)}
     names = [number[photo.name] for photo in recognition.photos]
-    links = [link.renumbered(names[link.i], names[link.j]) for link in recognition.links if link]
+    links = [
+        link.renumbered(names[link.i], names[link.j]) for link in recognition.links if isinstance(link, VerifiedMatch)
+    ]
     judged = [outcome.cameras for outcome in outcomes if outcome.cameras]
     if not judged:
         return []

@@ -4,6 +4,7 @@ nothing but its result is lost if it crashes.
 Parent and child share a folder: the child finds its `Task` there and leaves its `Outcome`.
 """
 
+import importlib
 import importlib.metadata
 import pickle
 import signal
@@ -37,7 +38,7 @@ STATUS_WORDS = {
     2: "homography estimation failed",
     3: "camera parameters adjusting failed",
 }  # cv2.Stitcher::Status
-LOG_LINES = 3
+LOG_LINES = 30
 TASK, OUTCOME, LOG, PICTURE = "task.pickle", "outcome.pickle", "log.txt", "panorama.npy"
 
 # -P, so that a file cv2.py in the folder where the user stands is not taken for OpenCV
@@ -57,7 +58,7 @@ class Task:
 
     program: str
     photos: tuple[Photo, ...]
-    options: Options = Options()
+    options: Options
     threads: int | None = None
     debug_dir: str | None = None
     overwrite: bool = False
@@ -151,6 +152,8 @@ def main(folder: str) -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     home = Path(folder)
     task: Task = pickle.loads((home / TASK).read_bytes())
+    for library in LIBRARIES[task.program]:
+        importlib.import_module(library)
     error = None
     wall, cpu = time.perf_counter(), time.process_time()
     try:
@@ -264,3 +267,6 @@ def rival_cameras(estimated: Sequence[Any], work_scale: float, sizes: Sequence[t
 
 
 PROGRAMS: dict[str, Callable[[Task], _Work]] = {RIVAL: _rival, OURS: _ours}
+
+# loaded before the clock starts; not by every child, as they would count as the other program's memory
+LIBRARIES = {RIVAL: (), OURS: ("panostitch.pipeline", "panostitch.io.writers")}

@@ -1,0 +1,122 @@
+"""`panostitch compare`: its table, its JSON, its exit codes, and that it leaves nothing behind."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+import cv2
+import numpy as np
+import pytest
+
+from panostitch.cli.compare import table
+from panostitch.cli.main import run
+from panostitch.errors import EXIT_INTERRUPTED, EXIT_LEFT_OUT, EXIT_OK, NoOverlapError, OutputError
+from panostitch.jobs.compare import Comparison, Misfit
+from panostitch.jobs.contender import DONE, OURS, RIVAL, Outcome
+from panostitch.model.photo import Photo
+from panostitch.synthetic.render import photograph
+from panostitch.synthetic.scene import rig, sphere_scene
+from panostitch.synthetic.textures import procedural_texture
+
+MISFIT = 1.0  # px, median; observed 0.15
+PATIENCE = 20.0  # seconds until a child must have begun
+
+
+@pytest.fixture(scope="module")
+def photos(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("photos")
+    scene = sphere_scene(procedural_texture(2048, 1024, seed=3))
+    for name, camera in zip("ab", rig(np.deg2rad([-13, 13]), size=(480, 360), focal=500), strict=True):
+        cv2.imwrite(str(folder / f"{name}.jpg"), photograph(scene, camera, supersample=1)[..., ::-1])
+    return folder
+
+
+@pytest.fixture
+def strangers(tmp_path):
+    folder = tmp_path / "strangers"
+    folder.mkdir()
+    for name in "ab":
+        noise = np.random.default_rng(ord(name)).integers(0, 255, (120, 160, 3), np.uint8)
+        cv2.imwrite(str(folder / f"{name}.png"), noise)
+    return folder
+
+
+@pytest.fixture
+def temporary(tmp_path, monkeypatch):
+    """A folder for temporary files, of which none may stay."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    monkeypatch.setenv("TMPDIR", str(folder))
+    yield folder
+    assert list(folder.iterdir()) == []
+
+
+def test_json_and_picture(photos, tmp_path, temporary, capsys):
+    output = tmp_path / "both.png"
+    assert run(["compare", str(photos), "-o", str(output), "--json"]) == EXIT_OK
+    data = json.loads(capsys.readouterr().out)
+    assert [entry["program"] for entry in data["programs"]] == [RIVAL, OURS]
+    for entry in data["programs"]:
+        assert entry["photos"] == ["a.jpg", "b.jpg"]
+        assert entry["misfit"]["median"] < MISFIT
+    assert data["judge"]["detector"] == "akaze"
+    assert data["exit_code"] == EXIT_OK
+    height = sum(entry["size"][1] for entry in data["programs"])
+    assert cv2.imread(str(output)).shape[0] > height
+
+
+def test_no_overlap_shows_the_rival_then_fails(strangers, tmp_path, temporary, capsys):
+    output = tmp_path / "both.jpg"
+    assert run(["compare", str(strangers), "-o", str(output)]) == NoOverlapError.exit_code
+    said = capsys.readouterr()
+    assert "cv2.Stitcher: need more images" in said.out
+    assert "0 of 2" in said.out
+    assert "error: no two photos overlap" in said.err
+    assert not output.exists()
+
+
+def test_existing_output_is_kept(photos, tmp_path, capsys):
+    output = tmp_path / "both.jpg"
+    output.write_text("mine")
+    assert run(["compare", str(photos), "-o", str(output)]) == OutputError.exit_code
+    assert output.read_text() == "mine"
+    assert "exists already" in capsys.readouterr().err
+
+
+def test_interrupt_leaves_nothing(photos, tmp_path, temporary):
+    output = tmp_path / "both.jpg"
+    command = [sys.executable, "-m", "panostitch", "compare", str(photos), "-o", str(output)]
+    process = subprocess.Popen(command, start_new_session=True, stderr=subprocess.PIPE)
+    deadline = time.monotonic() + PATIENCE
+    while not list(temporary.glob("*/*/task.pickle")) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert process.poll() is None
+    os.killpg(process.pid, signal.SIGINT)
+    _, said = process.communicate(timeout=PATIENCE)
+    assert process.returncode == EXIT_INTERRUPTED
+    assert said.decode().splitlines() == ["interrupted; nothing half-written is left behind"]
+    assert not output.exists()
+
+
+def test_table_names_what_is_missing():
+    photos = tuple(Photo(f"{name}.jpg", (480, 360), None) for name in "abc")
+    camera = rig([0.0], size=(480, 360), focal=500)[0]
+    rival = Outcome(RIVAL, "5.0", "crashed: aborted", seconds=1.5)
+    ours = Outcome(OURS, "0.1", DONE, (camera, None, camera), (700, 350), 2.0, 3.0, 123.4)
+    lines = table(Comparison(photos, (rival, ours), (None, Misfit(0.5, np.inf, 2.0)), "akaze", 80, 1))
+    assert [line.split() for line in lines[1:3]] == [
+        "cv2.Stitcher 5.0 0 of 3 - 1.50 - - - - -".split(),
+        "panostitch 0.1 2 of 3 700 x 350 2.00 3.00 123 0.50 inf 2.00".split(),
+    ]
+    assert lines[3:5] == ["cv2.Stitcher: crashed: aborted", "panostitch leaves out b.jpg"]
+
+
+def test_left_out_photos_give_their_exit_code(photos, strangers, tmp_path, capsys):
+    paths = [str(photos / "a.jpg"), str(photos / "b.jpg"), str(strangers / "b.png")]
+    assert run(["compare", *paths, "-o", str(tmp_path / "both.jpg")]) == EXIT_LEFT_OUT
+    assert "panostitch leaves out b.png" in capsys.readouterr().out
