@@ -3,9 +3,9 @@
 import cv2
 import numpy as np
 import pytest
-from tolerances import PIXEL, RELATIVE
 
 from panostitch.geometry import homography, rotation
+from tolerances import PIXEL, RELATIVE
 
 SIZE = (1000, 750)
 FOCAL = 900.0
@@ -16,28 +16,31 @@ OUTLIERS = 0.4
 NOISE = 0.5  # px, standard deviation of each coordinate
 THRESHOLD = 3.0  # px, of an inlier
 SEEDS = range(8)
+SHIFT = np.array([5.0, -3.0])  # px
 
 # px, rms over the photo, of the homography found from 72 points with NOISE among 48 outliers.
-# Seen over 100 seeds: PLACEHOLDER. A zero error would mean that the test looked at the truth.
-LEAST_ERROR, MOST_ERROR = 0.02, 0.6
+# Seen over 100 seeds: 0.08 to 0.33. A zero error would mean that the test looked at the truth.
+LEAST_ERROR, MOST_ERROR = 0.02, 0.8
 
-# px; the truth is found where there is no noise at all. Seen over 100 seeds: 1e-9.
-NOISE_FREE = 1e-6
+# px; the truth is found where there is no noise at all. Seen over 100 seeds: 2e-13.
+NOISE_FREE = 1e-9
 
 # Of the true matches, share that must be found: with noise of a sixth of the threshold none should be missed.
 LEAST_FOUND = 0.98
 # Of the outliers, share that may lie within the threshold by chance; the chance is 1e-4 for each.
 MOST_WRONG = 0.05
 
+# px; a lens this short would see 179 degrees
+LEAST_FOCAL = 4.0
+
 # The refined homography is better than four noisy points by this factor, in the median over the seeds; 5 seen.
 IMPROVEMENT = 2.0
 
 
 def between_views(yaw, pitch=0.0, roll=0.0, focal=FOCAL):
-    """The homography of a camera that turns."""
+    """The homography of a camera that turns; depths are positive in front of it."""
     intrinsics = np.array([[focal, 0, CENTRE[0]], [0, focal, CENTRE[1]], [0, 0, 1]])
-    h = intrinsics @ rotation.from_angles(yaw, pitch, roll) @ np.linalg.inv(intrinsics)
-    return h / h[2, 2]
+    return intrinsics @ rotation.from_angles(yaw, pitch, roll) @ np.linalg.inv(intrinsics)
 
 
 TRUTH = between_views(0.3, 0.05, -0.04)
@@ -80,6 +83,23 @@ def test_is_exact_without_noise(seed):
     found, _ = homography.estimate(src, dst, threshold=THRESHOLD, seed=seed)
 
     assert rms(found) < NOISE_FREE
+
+
+@pytest.mark.parametrize("yaw", [-0.7, 0.7])
+def test_wide_views_whose_far_side_is_behind_the_horizon(yaw):
+    # 100 degrees wide, turned by 40: the left or the right edge of one photo lies behind the other camera
+    truth = between_views(yaw, focal=420.0)
+    src = np.random.default_rng(0).uniform((0, 0), SIZE, (4 * POINTS, 2))
+    dst = homography.apply(truth, src)
+    with np.errstate(invalid="ignore"):
+        both = ((dst >= 0) & (dst <= SIZE)).all(1)
+    assert both.sum() > POINTS
+
+    found = homography.estimate(src[both], dst[both], threshold=THRESHOLD, seed=0)
+
+    assert found is not None
+    assert found[1].all()
+    assert homography.is_sane(found[0], SIZE)
 
 
 def test_one_seed_one_answer():
@@ -151,10 +171,10 @@ def test_degenerate_points_have_no_homography(case):
 def test_four_points_are_enough():
     src = np.array([[0, 0], [100, 0], [100, 80], [0, 80]], float)
 
-    found, inliers = homography.estimate(src, src + [5, -3], threshold=THRESHOLD, seed=0)
+    found, inliers = homography.estimate(src, src + SHIFT, threshold=THRESHOLD, seed=0)
 
     assert inliers.all()
-    np.testing.assert_allclose(homography.apply(found, src), src + [5, -3], atol=NOISE_FREE)
+    np.testing.assert_allclose(homography.apply(found, src), src + SHIFT, atol=NOISE_FREE)
 
 
 def test_points_behind_the_horizon_are_nowhere():
@@ -184,7 +204,8 @@ def test_each_end_has_its_own_focal_length():
 
 @pytest.mark.parametrize("h", [np.eye(3), between_views(0, 0, 0.3), np.array([[1, 0, 40.0], [0, 1, 7], [0, 0, 1]])])
 def test_no_focal_length_where_the_camera_did_not_turn_aside(h):
-    assert homography.focal_lengths(h, CENTRE, CENTRE) == []
+    # rounding may leave something that no lens has
+    assert [f for f in homography.focal_lengths(h, CENTRE, CENTRE) if f > LEAST_FOCAL] == []
 
 
 SANE = {
@@ -194,7 +215,6 @@ SANE = {
     "quarter turn": between_views(0.1, 0, np.pi / 2),
     "twice as large": np.diag([2.0, 2, 1]),
     "far corner behind the horizon": between_views(1.1),
-    "negative multiple": -between_views(0.5) * -1,
 }
 INSANE = {
     "mirror": np.array([[-1, 0, SIZE[0]], [0, 1, 0], [0, 0, 1.0]]),

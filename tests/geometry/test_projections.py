@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from tolerances import RELATIVE, UNIT
 
 from panostitch.geometry.projections import PROJECTIONS
+from tolerances import RELATIVE, UNIT
 
 COUNT = 2000
 
@@ -69,11 +69,11 @@ def test_a_full_turn_has_the_promised_width(projection, rng):
         pytest.skip("does not close")
     plane = rng.uniform(-PLANE_EXTENT, PLANE_EXTENT, (COUNT, 2))
 
-    turned = projection.inverse(plane + [projection.period, 0])
+    turned = projection.inverse(plane + np.array([projection.period, 0]))
 
     np.testing.assert_allclose(turned, projection.inverse(plane), rtol=0, atol=UNIT)
     # and nothing less than that is a full turn
-    half = projection.inverse(plane + [projection.period / 2, 0])
+    half = projection.inverse(plane + np.array([projection.period / 2, 0]))
     np.testing.assert_allclose(half[:, [0, 2]], -projection.inverse(plane)[:, [0, 2]], rtol=0, atol=UNIT)
 
 
@@ -88,9 +88,7 @@ def test_nothing_in_nothing_out(projection):
 
 
 def from_angles(longitude, latitude):
-    return np.array(
-        [[np.sin(longitude) * np.cos(latitude), np.sin(latitude), np.cos(longitude) * np.cos(latitude)]]
-    )
+    return np.array([[np.sin(longitude) * np.cos(latitude), np.sin(latitude), np.cos(longitude) * np.cos(latitude)]])
 
 
 @pytest.mark.parametrize("longitude", [-1.2, -0.3, 0.0, 0.7, 1.3])

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tolerances import UNIT
 
 from panostitch.geometry import rotation
+from tolerances import UNIT
 
 RANDOM_ROTATIONS = 200
 
@@ -47,9 +47,7 @@ def test_exp_undoes_log(rng):
 
 def test_exp_agrees_with_scipy(rng):
     for vector in rng.normal(0, 2, (RANDOM_ROTATIONS, 3)):
-        np.testing.assert_allclose(
-            rotation.exp(vector), Rotation.from_rotvec(vector).as_matrix(), rtol=0, atol=UNIT
-        )
+        np.testing.assert_allclose(rotation.exp(vector), Rotation.from_rotvec(vector).as_matrix(), rtol=0, atol=UNIT)
 
 
 def test_log_agrees_with_scipy(rng):

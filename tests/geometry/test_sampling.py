@@ -3,9 +3,9 @@
 import cv2
 import numpy as np
 import pytest
-from tolerances import PIXEL
 
 from panostitch.geometry.sampling import rescale
+from tolerances import PIXEL
 
 # px; resize works in float32 on values up to 64
 RESIZE = 1e-4

@@ -122,8 +122,7 @@ def _flat(photos: Sequence[Photo], links: Sequence[VerifiedMatch], *, scale: flo
 
 def _thinned(link: VerifiedMatch, most: int) -> Observation:
     """At most `most` matches of a link, evenly from all of them: they come spread over the photo."""
-    step = max(1.0, link.inliers / most)
-    index = np.unique(np.arange(0, link.inliers, step).astype(int))
+    index = np.linspace(0, link.inliers - 1, min(link.inliers, most)).astype(int)
     return Observation(link.i, link.j, link.xy_i[index], link.xy_j[index])
 
 

@@ -63,7 +63,7 @@ def holds_together(count: int, links: Sequence[VerifiedMatch]) -> bool:
     """Whether the links connect all of `count` photos."""
     if not links:
         return count <= 1
-    return connected_components(_graph(count, links), directed=False)[0] == 1
+    return bool(connected_components(_graph(count, links), directed=False)[0] == 1)
 
 
 def _graph(count: int, links: Sequence[VerifiedMatch]) -> csr_array:

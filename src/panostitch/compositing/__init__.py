@@ -5,6 +5,7 @@ from functools import partial
 from panostitch.compositing.compose import compose
 from panostitch.compositing.layout import lay_out
 from panostitch.compositing.plan import make_plan
+from panostitch.compositing.warp import decoded_photos
 from panostitch.model.alignment import Alignment
 from panostitch.model.canvas import Canvas
 from panostitch.model.panorama import Panorama, Plan
@@ -15,4 +16,4 @@ __all__ = ["lay_out", "make_panorama", "make_plan"]
 
 def make_panorama(alignment: Alignment, canvas: Canvas, plan: Plan, options: CompositingOptions) -> Panorama:
     """The panorama as a function of a region."""
-    return Panorama(canvas, plan, partial(compose, alignment, canvas, plan, options))
+    return Panorama(canvas, plan, partial(compose, alignment, canvas, plan, options, decoded_photos()))

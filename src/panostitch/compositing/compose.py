@@ -1,25 +1,32 @@
 """A region of the panorama at full size: warp, gain, seams, fine bands, correction."""
 
+from functools import partial
+from typing import TypeVar
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from panostitch.compositing.blend import BLENDERS
 from panostitch.compositing.blend.pieces import Floats, Piece, hard_composite
-from panostitch.compositing.warp import read_for, warp
+from panostitch.compositing.warp import Decoded, read_for, warp
 from panostitch.model.alignment import Alignment
 from panostitch.model.canvas import Canvas, Layer, Region
 from panostitch.model.panorama import Plan
 from panostitch.options import CompositingOptions
 
+Number = TypeVar("Number", bound=np.generic)
+
 LABEL_MARGIN = 2  # px of the reduced canvas around a tile, so that enlarging needs no edge
 
 
-def compose(alignment: Alignment, canvas: Canvas, plan: Plan, options: CompositingOptions, region: Region) -> Layer:
+def compose(
+    alignment: Alignment, canvas: Canvas, plan: Plan, options: CompositingOptions, decoded: Decoded, region: Region
+) -> Layer:
     """The pixels of a region of the canvas. The same pixels come out however the canvas is cut into regions."""
     blender = BLENDERS[options.blender]
     tile = region.grown(blender.reach(plan.factor) * plan.factor, multiple=plan.factor)
-    pieces = _pieces(alignment, canvas, plan, tile)
+    pieces = _pieces(alignment, canvas, plan, decoded, tile)
     composite, covered = hard_composite(pieces, (tile.height, tile.width))
     blended = blender.join(pieces, composite, plan.factor)
     blended = blended + _enlarged(plan.correction, plan, canvas, tile)
@@ -28,13 +35,14 @@ def compose(alignment: Alignment, canvas: Canvas, plan: Plan, options: Compositi
     return Layer(region, np.where(mask[..., None], blended[inner], 0).astype(np.float32), mask)
 
 
-def _pieces(alignment: Alignment, canvas: Canvas, plan: Plan, tile: Region) -> list[Piece]:
+def _pieces(alignment: Alignment, canvas: Canvas, plan: Plan, decoded: Decoded, tile: Region) -> list[Piece]:
     """The photos that own a part of the tile or lie next to it, each with the part it owns."""
     labels = _lookup(plan.labels, plan, canvas, tile)
     photos = [int(n) for n in np.unique(labels)]
     layers = []
     for n in photos:
-        raster, camera = read_for(alignment.photos[n], alignment.cameras[n], canvas)
+        photo, camera = alignment.photos[n], alignment.cameras[n]
+        raster, camera = decoded.get(n, partial(read_for, photo, camera, canvas))
         layer = warp(raster, camera, canvas, tile, interpolation=cv2.INTER_CUBIC)
         layers.append((np.clip(layer.pixels, 0, 255) * np.float32(plan.gains[n]), layer.mask))
     owner = _owners(labels, photos, [mask for _, mask in layers], plan.factor)
@@ -61,14 +69,14 @@ def _owners(
     return owner
 
 
-def _lookup(array: NDArray[np.generic], plan: Plan, canvas: Canvas, tile: Region) -> NDArray[np.generic]:
+def _lookup(array: NDArray[Number], plan: Plan, canvas: Canvas, tile: Region) -> NDArray[Number]:
     """The part of an array of the plan that lies under a tile, with a margin; columns wrap where the canvas does."""
     small = tile.divided(plan.factor).grown(LABEL_MARGIN)
     height, width = array.shape[:2]
     columns = np.arange(small.x, small.right)
     columns = columns % width if canvas.wraps else columns.clip(0, width - 1)
     rows = np.arange(small.y, small.bottom).clip(0, height - 1)
-    return array[np.ix_(rows, columns)]
+    return np.asarray(array[np.ix_(rows, columns)], array.dtype)
 
 
 def _enlarged(array: Floats, plan: Plan, canvas: Canvas, tile: Region) -> Floats:

@@ -17,7 +17,8 @@ def largest_rectangle(covered: NDArray[np.bool_]) -> Region:
     """
     step = -(-max(covered.shape) // COARSE)
     height, width = (side // step * step for side in covered.shape)
-    blocks = covered[:height, :width].reshape(height // step, step, width // step, step).all(axis=(1, 3))
+    cells = covered[:height, :width].reshape(height // step, step, width // step, step)
+    blocks = np.asarray(cells.all(axis=(1, 3)))
     best = Region(0, 0, 0, 0)
     heights = np.zeros(blocks.shape[1], np.int64)
     for bottom, row in enumerate(blocks, start=1):

@@ -35,7 +35,7 @@ def gains(count: int, pieces: Pieces) -> Floats:
             normal[[i, j], [j, i]] -= weight
             right[[i, j]] += np.array([-ratio, ratio]) * weight
     logs = np.linalg.solve(normal, right)
-    return np.exp(logs - logs.mean())
+    return np.asarray(np.exp(logs - logs.mean()), np.float64)
 
 
 def unit_gains(count: int, pieces: Pieces) -> Floats:

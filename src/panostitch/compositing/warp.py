@@ -13,6 +13,7 @@ from panostitch.runtime.cache import LastUsed
 
 Floats = NDArray[np.float64]
 Raster = tuple[NDArray[np.uint8], NDArray[np.uint8] | None]
+Decoded = LastUsed[tuple[Raster, Camera]]
 
 STEP = 16  # px between exact coordinates; between them a bilinear guess is off by some 0.02 px
 CHUNK = 8192  # px: OpenCV's remap takes no side of 32,767 or more
@@ -20,13 +21,16 @@ FOOTPRINT_STEP = 8  # px of the reduced canvas
 REDUCE_BELOW = 0.75  # photos are read reduced only where the canvas is coarser than this: reducing costs sharpness
 CACHE_BYTES = 2 << 30
 
-_decoded: LastUsed[Raster] = LastUsed(CACHE_BYTES, lambda r: r[0].nbytes + (0 if r[1] is None else r[1].nbytes))
+
+def decoded_photos() -> Decoded:
+    """A memory for decoded photos, by their number."""
+    return LastUsed(CACHE_BYTES, lambda entry: sum(a.nbytes for a in entry[0] if a is not None))
 
 
 def read_for(photo: Photo, camera: Camera, canvas: Canvas) -> tuple[Raster, Camera]:
     """The photo's pixels at the size that this canvas needs, and the camera for that size."""
     scale = min(1.0, canvas.scale / camera.focal * _magnification(camera))
-    raster = photo.source.read(scale) if scale < REDUCE_BELOW else _decoded.get(photo.source, photo.source.read)
+    raster = photo.source.read(scale if scale < REDUCE_BELOW else 1.0)
     height, width = raster[0].shape[:2]
     return raster, camera.scaled((width, height))
 
@@ -60,21 +64,22 @@ def coordinates(
     camera: Camera, canvas: Canvas, region: Region
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
     """Where (x, y, each (h, w) px of the photo) each canvas pixel is seen, and where that is known."""
-    # nodes are the centres of 16 px blocks, one block beyond the region on each side: resize then needs no
-    # extrapolation, and its rule for pixel centres is ours
-    columns = np.arange(-1, -(-region.width // STEP) + 1) * STEP + (STEP - 1) / 2 + region.x
-    rows = np.arange(-1, -(-region.height // STEP) + 1) * STEP + (STEP - 1) / 2 + region.y
-    nodes = _project_grid(camera, canvas, columns, rows)
+    # Nodes are the centres of the canvas's 16 px blocks, one block beyond the region on each side: resize then needs
+    # no extrapolation, its rule for pixel centres is ours, and the answer is the same for every region.
+    outer = region.grown(STEP, multiple=STEP)
+    columns = np.arange(outer.x, outer.right, STEP) + (STEP - 1) / 2
+    rows = np.arange(outer.y, outer.bottom, STEP) + (STEP - 1) / 2
+    nodes = _project_grid(camera, canvas, np.asarray(columns, np.float64), np.asarray(rows, np.float64))
     known = np.isfinite(nodes).all(2)
     nodes[~known] = -1e4
-    size = (len(columns) * STEP, len(rows) * STEP)
-    inner = (slice(STEP, STEP + region.height), slice(STEP, STEP + region.width))
+    size, inner = (outer.width, outer.height), region.within(outer)
     x, y = (
-        np.ascontiguousarray(cv2.resize(nodes[:, :, k].astype(np.float32), size)[inner], np.float32) for k in (0, 1)
+        np.ascontiguousarray(cv2.resize(np.asarray(nodes[:, :, k], np.float32), size)[inner], np.float32)
+        for k in (0, 1)
     )
     if known.all():
         return x, y, np.ones(x.shape, bool)
-    valid = cv2.resize(known.astype(np.float32), size)[inner] > 0.999
+    valid = cv2.resize(np.asarray(known, np.float32), size)[inner] > 0.999
     return x, y, np.asarray(valid)
 
 
@@ -98,7 +103,7 @@ def _footprint(camera: Camera, canvas: Canvas, columns: Floats, rows: Floats) ->
     seen = _project_grid(camera, canvas, columns, rows)
     margin = 2.0 * FOOTPRINT_STEP * camera.focal / canvas.scale * max(_magnification(camera), 1e-6)
     with np.errstate(invalid="ignore"):
-        inside = ((seen >= -margin) & (seen <= np.array(camera.size) + margin)).all(2)
+        inside = np.asarray(((seen >= -margin) & (seen <= np.array(camera.size) + margin)).all(2))
     occupied = np.flatnonzero(np.diff(np.pad(inside.any(0), 1).astype(np.int8)))
     regions = []
     for first, behind in occupied.reshape(-1, 2):

@@ -15,13 +15,12 @@ def nearest(a: Descriptors, b: Descriptors, /, *, seed: int = 0) -> Neighbours:
     del seed
     binary = a.dtype == np.uint8
     distances = _hamming if binary else _square
-    if binary:
-        a, b = _signs(a), _signs(b)
+    rows_a, rows_b = (_signs(d) if binary else np.asarray(d, np.float32) for d in (a, b))
     index = np.empty(len(a), np.int32)
     best, second = np.empty(len(a), np.float32), np.full(len(a), np.inf, np.float32)
     nearest_back = np.full(len(b), np.inf, np.float32)
     for start in range(0, len(a), ROWS):
-        part = distances(a[start : start + ROWS], b)
+        part = distances(rows_a[start : start + ROWS], rows_b)
         nearest_back = np.minimum(nearest_back, part.min(0))
         rows = slice(start, start + len(part))
         index[rows], best[rows], second[rows] = _two_smallest(part)
@@ -41,7 +40,7 @@ def _square(a: Floats, b: Floats) -> Floats:
 
 def _signs(descriptors: Descriptors) -> Floats:
     """Bits (n, 8 d) of bytes (n, d) as +1 and -1."""
-    return np.unpackbits(descriptors, axis=1).astype(np.float32) * 2 - 1
+    return np.unpackbits(np.asarray(descriptors, np.uint8), axis=1).astype(np.float32) * 2 - 1
 
 
 def _hamming(a: Floats, b: Floats) -> Floats:

@@ -61,7 +61,7 @@ def fill(picture: Floats, known: Booleans) -> Floats:
     weight = known.astype(np.float32)
     small_weight = cv2.resize(weight, size, interpolation=cv2.INTER_AREA)
     small = cv2.resize(picture * weight[..., None], size, interpolation=cv2.INTER_AREA)
-    small /= np.maximum(small_weight, 1e-6)[..., None]
-    filled = fill(small, small_weight > 1e-6)
+    means = np.asarray(small / np.maximum(small_weight, 1e-6)[..., None], np.float32)
+    filled = fill(means, np.asarray(small_weight > 1e-6))
     enlarged = cv2.resize(filled, (width, height), interpolation=cv2.INTER_LINEAR)
     return np.asarray(np.where(known[..., None], picture, enlarged), np.float32)

@@ -92,7 +92,7 @@ def _halved(
         for a in (difference, preference, free, old, new)
     ]
     loose = small[2] > 0
-    return small[0], small[1] / 2, loose, (small[3] > 0) & ~loose, (small[4] > 0) & ~loose
+    return small[0], small[1] / np.float32(2), loose, (small[3] > 0) & ~loose, (small[4] > 0) & ~loose
 
 
 def _solve(difference: Floats, preference: Floats, free: Booleans, old: Booleans, new: Booleans) -> Booleans:
