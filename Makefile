@@ -1,0 +1,52 @@
+# All work happens in a virtual environment of its own: nothing has to be installed or activated first.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+DEMO := .demo
+
+.DEFAULT_GOAL := help
+.PHONY: help demo setup check test test-all bench samples docs clean
+
+help: ## this list
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
+
+$(VENV)/base: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --editable .
+	@touch $@
+
+$(VENV)/dev: $(VENV)/base
+	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	@touch $@
+
+setup: $(VENV)/dev ## virtual environment with the program and the tools of development
+
+demo: $(VENV)/base ## stitch a sample; says where the panorama and the debug pictures lie
+	@mkdir -p $(DEMO)
+	$(BIN)/panostitch samples/hall -o $(DEMO)/hall.jpg --debug-dir $(DEMO)/hall-stages --overwrite
+	@echo "panorama:       $(CURDIR)/$(DEMO)/hall.jpg"
+	@echo "debug pictures: $(CURDIR)/$(DEMO)/hall-stages"
+
+check: $(VENV)/dev ## format, lint, types, import contract
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+test: $(VENV)/dev ## the tests that take minutes, not hours
+	$(BIN)/python -m pytest
+
+test-all: $(VENV)/dev ## all tests
+	$(BIN)/python -m pytest -m ''
+
+bench: $(VENV)/dev ## true error of the four detectors; writes docs/reference/accuracy.md
+	$(BIN)/python benchmarks/accuracy.py --output docs/reference/accuracy.md
+
+samples: $(VENV)/dev ## photograph the samples again
+	$(BIN)/python samples/make_samples.py
+
+docs: $(VENV)/dev ## write the reference of options and exit codes anew
+	$(BIN)/python docs/make_reference.py
+
+clean: ## remove what was built, never what was written
+	rm -rf $(VENV) $(DEMO) build dist .pytest_cache .ruff_cache .mypy_cache .import_linter_cache
