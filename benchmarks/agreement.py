@@ -36,6 +36,7 @@ from panostitch.matching import match
 from panostitch.model.alignment import Alignment
 from panostitch.model.camera import Camera
 from panostitch.model.features import Features
+from panostitch.model.panorama import Panorama
 from panostitch.model.photo import Photo, Pixels
 from panostitch.options import FeatureOptions, LayoutOptions, MatchingOptions, Options
 from panostitch.synthetic.score import pair_errors
@@ -171,7 +172,7 @@ def picture_residual(comparison: Comparison) -> float | None:
     return registration_residual(Masked(theirs, shown), Masked(pixels, mask))
 
 
-def as_the_rival(alignment: Alignment, comparison: Comparison) -> pipeline.Panorama:
+def as_the_rival(alignment: Alignment, comparison: Comparison) -> Panorama:
     """Our panorama, spherical, in the world and at the scale of the rival's."""
     if alignment.model != "rotation":
         alignment = pipeline.align(alignment.photos, Options.of(model="rotation", straighten="none"))

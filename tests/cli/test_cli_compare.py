@@ -29,7 +29,7 @@ PATIENCE = 20.0  # seconds until a child must have begun
 @pytest.fixture(scope="module")
 def photos(tmp_path_factory):
     folder = tmp_path_factory.mktemp("photos")
-    scene = sphere_scene(procedural_texture(2048, 1024, seed=3))
+    scene = sphere_scene(procedural_texture(1536, 768, seed=3))
     for name, camera in zip("ab", rig(np.deg2rad([-13, 13]), size=(480, 360), focal=500), strict=True):
         cv2.imwrite(str(folder / f"{name}.jpg"), photograph(scene, camera, supersample=1)[..., ::-1])
     return folder

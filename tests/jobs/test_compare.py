@@ -41,7 +41,7 @@ def write(path, pixels):
 def paths(tmp_path_factory):
     """Two photos that overlap by half, one as JPEG and one as PNG, and one of nothing that either shows."""
     folder = tmp_path_factory.mktemp("photos")
-    scene = sphere_scene(procedural_texture(2048, 1024, seed=3))
+    scene = sphere_scene(procedural_texture(1536, 768, seed=3))
     noise = np.random.default_rng(0).integers(0, 255, (360, 480, 3), np.uint8)
     pictures = [*(photograph(scene, camera, supersample=1) for camera in CAMERAS), noise]
     names = ("a.jpg", "b.png", "c.png")

@@ -1,1 +1,1 @@
-"""Uses of the pipeline: comparing it with another program, stitching many folders."""
+"""Uses of the pipeline: many folders at once, a test on known scenes, a comparison with another program."""
