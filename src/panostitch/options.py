@@ -21,7 +21,7 @@ class FeatureOptions:
     detector: Literal["sift", "surf", "orb", "akaze"] = option(
         "sift", "Key points and descriptors. sift: most exact; orb: quickest."
     )
-    max_features: int = option(3000, "Key points kept in each photo, spread over it.", min=50, max=100_000)
+    max_features: int = option(2000, "Key points kept in each photo, spread over it.", min=50, max=100_000)
     work_megapixels: float = option(
         1.0, "Size to which photos are reduced before key points are sought.", min=0.05, max=100.0
     )

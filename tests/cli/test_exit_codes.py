@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from known_bugs import bug, marked
+
 OK, BUG, USAGE, LEFT_OUT, NO_OVERLAP, UNREADABLE, LIMIT, UNWRITABLE, INTERRUPTED = 0, 1, 2, 3, 4, 5, 7, 8, 130
 
 # Where the defaults are not the point: a third of the time.
@@ -19,6 +21,8 @@ QUICK = ["--detector", "orb", "--max-features", "600", "--seams", "voronoi", "--
 
 # px; three photos of 400 x 300, 84 degrees wide together: 770 px and a little less height, and the crop may take a bit
 WIDTHS, HEIGHTS = (650, 850), (230, 320)
+
+PNG = "a PNG is decoded on opening: 5 instead of 3"
 
 # What a progress bar leaves in a file: a return to the start of the line, percentages, blocks.
 BAR = re.compile(r"\r|\d+%\||[█▏▎▍▌▋▊▉]|\x1b")
@@ -127,7 +131,7 @@ def test_a_photo_that_does_not_belong_is_left_out_by_name(call, inputs, strays):
     panorama("out.jpg")
 
 
-@pytest.mark.parametrize("name", ["half.jpg", "half.png"])
+@pytest.mark.parametrize("name", marked(["half.jpg", "half.png"], {"half.png": PNG}))
 def test_half_a_photo_is_left_out_by_name(name, call, inputs, strays):
     result = call(*inputs, strays / name, "-o", "out.jpg", *QUICK)
 
@@ -137,6 +141,7 @@ def test_half_a_photo_is_left_out_by_name(name, call, inputs, strays):
     panorama("out.jpg")
 
 
+@bug("ends as 4, no overlap")
 def test_nothing_but_broken_photos_is_not_a_lack_of_overlap(call, inputs, strays):
     failed(call(inputs[0], strays / "half.jpg", "-o", "out.jpg"), UNREADABLE, "half.jpg")
 
@@ -165,11 +170,14 @@ def test_the_output_is_one_of_the_photos(more, call, inputs, tmp_path):
     assert (tmp_path / "given.jpg").read_bytes() == before
 
 
-@pytest.mark.parametrize("name", ["out.gif", "out", ".jpg", "out.jpg.bak"])
+@pytest.mark.parametrize(
+    "name", marked(["out.gif", "out", ".jpg", "out.jpg.bak"], {".jpg": "bug (1): cv2.error, no suffix"})
+)
 def test_the_output_has_an_unknown_extension(name, call, inputs):
     failed(call(*inputs, "-o", name), UNWRITABLE, name, ".png")
 
 
+@bug("bug (1): OSError of Path.is_dir")
 def test_the_name_of_the_output_is_too_long(call, inputs):
     failed(call(*inputs, "-o", "a" * 300 + ".jpg"), UNWRITABLE, "aaa")
 
@@ -186,7 +194,7 @@ MISUSE = {
 }
 
 
-@pytest.mark.parametrize("case", MISUSE)
+@pytest.mark.parametrize("case", marked(MISUSE, {"not a number": "FloatRange lets nan pass"}))
 def test_an_option_makes_no_sense(case, call, inputs):
     arguments, words = MISUSE[case]
 
@@ -220,7 +228,7 @@ NAMED = {
 }
 
 
-@pytest.mark.parametrize("way", NAMED)
+@pytest.mark.parametrize("way", marked(NAMED, {"a glob of folders": "a folder found by a glob is refused"}))
 def test_ways_to_name_photos(way, call, inputs, tmp_path):
     folder = tmp_path / "given"
     folder.mkdir()
@@ -247,7 +255,11 @@ def test_names_that_look_like_patterns(call, inputs, tmp_path):
     assert result.code == OK, result.err
 
 
-@pytest.mark.parametrize("name", ["given ü😀.jpg", "given 1²2.jpg", os.fsdecode(b"given \xe9.jpg"), "given\n.jpg"])
+NAMES = ["given ü😀.jpg", "given 1²2.jpg", os.fsdecode(b"given \xe9.jpg"), "given\n.jpg"]
+NAME_BUGS = {NAMES[1]: "bug (1): int('²')", NAMES[2]: "bug (1): the project file is written as strict UTF-8"}
+
+
+@pytest.mark.parametrize("name", marked(NAMES, NAME_BUGS))
 def test_names_of_every_kind(name, call, inputs, tmp_path):
     shutil.copy(inputs[0], tmp_path / name)
 
@@ -257,6 +269,7 @@ def test_names_of_every_kind(name, call, inputs, tmp_path):
     assert call("render", "out.pano.json", "-o", "again.jpg", *QUICK[4:]).code == OK
 
 
+@bug("bug (1): natural_key compares a text with a tuple")
 def test_names_without_numbers_beside_names_with_them(call, inputs, tmp_path):
     for path, name in zip(inputs, ["given", "given1", "given1a"], strict=True):
         shutil.copy(path, tmp_path / name)
@@ -272,6 +285,7 @@ def test_patterns_and_lists_that_name_nothing(call, tmp_path):
     failed(call("@given.txt", "-o", "out.jpg"), UNREADABLE, "given.txt")
 
 
+@bug("the byte order mark is taken for a part of the first name")
 def test_a_list_as_windows_writes_it(call, inputs, tmp_path):
     text = "\r\n".join(str(path) for path in inputs)
     (tmp_path / "given.txt").write_bytes(b"\xef\xbb\xbf" + text.encode())

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from PIL import Image, ImageFile, PngImagePlugin, TiffImagePlugin
 
+from known_bugs import bug, marked
 from panostitch.errors import InputError
 from panostitch.io.readers import natural_key, open_photo, open_photos
-from tolerances import JPEG_MEAN, ROUNDING
+from tolerances import JPEG_MEAN
 
 # Grey levels, mean and largest difference of a reduced reading from the full one, averaged over areas.
 # The JPEG decoder averages in its own transform, whose weights are not quite a box's: 1.03 and 13 seen, on a picture
@@ -20,6 +21,9 @@ from tolerances import JPEG_MEAN, ROUNDING
 REDUCED_MEAN, REDUCED_MOST = 2.0, 25.0
 
 JPEG = {"quality": 95, "subsampling": 0}
+
+DECODES = "Pillow's getexif decodes a whole PNG that has no EXIF before its pixels"
+NO_INT = "isdigit() is true of a superscript, but int() refuses it"
 
 
 @pytest.fixture
@@ -120,7 +124,7 @@ def test_every_kind_of_pixel(kind, picture, tmp_path):
         "CMYK": picture,
         "I;16": grey,
     }[kind.split()[0]]
-    allowed = JPEG_MEAN if name.endswith("jpg") else ROUNDING
+    allowed = JPEG_MEAN if name.endswith("jpg") else 0
     shown = slice(10, None)  # WebP may forget what is under transparency
     assert np.abs(pixels[shown].astype(float) - expected[shown]).mean() <= allowed
     if "A" in kind.split()[0]:
@@ -141,7 +145,7 @@ def test_transparent_colour_of_a_palette_is_a_mask(picture, tmp_path):
 def test_sixteen_bits_of_colour(picture, tmp_path):
     cv2.imwrite(str(tmp_path / "a.png"), picture[..., ::-1].astype(np.uint16) * 257)
 
-    np.testing.assert_allclose(read(tmp_path / "a.png")[0].astype(int), picture, rtol=0, atol=ROUNDING)
+    np.testing.assert_array_equal(read(tmp_path / "a.png")[0], picture)
 
 
 def test_floating_point_pixels_are_refused(tmp_path):
@@ -259,6 +263,7 @@ def _no_decoding(monkeypatch):
         monkeypatch.setattr(plugin, "load", load)
 
 
+@bug(DECODES)
 @pytest.mark.usefixtures("_no_decoding")
 def test_a_header_that_claims_too_much_is_refused_before_memory_is_taken(tmp_path):
     (tmp_path / "huge.png").write_bytes(png_claiming(100_000, 100_000))
@@ -267,7 +272,7 @@ def test_a_header_that_claims_too_much_is_refused_before_memory_is_taken(tmp_pat
         open_photo(tmp_path / "huge.png")
 
 
-@pytest.mark.parametrize("name", [*LOSSLESS, "a.jpg"])
+@pytest.mark.parametrize("name", marked([*LOSSLESS, "a.jpg"], {"a.png": DECODES}))
 def test_opening_reads_the_header_alone(name, picture, save, request):
     path = save(name, picture)
     request.getfixturevalue("_no_decoding")
@@ -282,6 +287,7 @@ def test_a_header_that_claims_more_than_there_is(tmp_path):
         read(tmp_path / "liar.png")
 
 
+@bug("MemoryError is not caught")
 def test_a_jpeg_2000_header_that_claims_too_much(picture):
     buffer = io.BytesIO()
     Image.fromarray(picture).save(buffer, "JPEG2000")
@@ -313,13 +319,17 @@ def test_photos_come_in_the_natural_order_of_their_names(picture, save):
     assert open_photos(names[::-1]) == (photos, [])
 
 
-@pytest.mark.parametrize("name", ["1²2.jpg", "①.jpg", "٣.jpg", "²", "-1.5e3", "a\u0300.png", "😀7.jpg"])
+@pytest.mark.parametrize(
+    "name",
+    marked(["1²2.jpg", "①.jpg", "٣.jpg", "²", "-1.5e3", "a\u0300.png", "😀7.jpg"], {"1²2.jpg": NO_INT, "²": NO_INT}),
+)
 def test_every_name_has_its_place(name):
     others = ["1.jpg", "a.jpg", "10", "a10b2"]
 
     assert sorted([name, *others], key=natural_key) == sorted([*others, name], key=natural_key)
 
 
+@bug("TypeError: a text is compared with a tuple where one key continues the other")
 def test_a_name_comes_before_its_continuation():
     assert sorted(["photo1", "photo", "photo1a"], key=natural_key) == ["photo", "photo1", "photo1a"]
 
@@ -338,12 +348,13 @@ def test_the_same_file_twice_is_one_photo(picture, save, tmp_path):
     (tmp_path / "link.png").symlink_to("a.png")
     (tmp_path / "folder").mkdir()
 
-    photos, failures = open_photos(["a.png", "./a.png", "folder/../a.png", "link.png", tmp_path / "a.png"])
+    photos, failures = open_photos(["a.png", "./a.png", "folder/../a.png", tmp_path / "a.png", "link.png"])
 
     assert [photo.name for photo in photos] == ["a.png"]
     assert not failures
 
 
+@bug("RuntimeError of Path.resolve: symlink loop")
 def test_what_cannot_be_opened_is_told_beside_what_can(picture, save, tmp_path):
     save("good.png", picture)
     (tmp_path / "bad.png").write_text("no")

@@ -21,32 +21,53 @@ Floats = NDArray[np.float64]
 START_DAMPING = 1e-3
 MAX_DAMPING = 1e8
 LENS_STEP_LIMIT = 0.3  # relative change of the focal length in one step
+MAX_K1, MAX_K2 = 2.0, 4.0
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Adjusted cameras, the robust cost they reach, and how many parameters and steps it took."""
+    """Adjusted cameras and the robust cost (px^2) they reach."""
 
     cameras: tuple[Camera, ...]
     cost: float
-    parameters: int
-    steps: int
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """What the adjustment may change besides the rotations.
+
+    focals: for each camera the number of its focal length; cameras of one number share it
+    lenses: for each camera the number of its distortion
+    terms:  how many of (k1, k2) are free
+    """
+
+    focals: tuple[int, ...]
+    lenses: tuple[int, ...]
+    terms: int = 0
+
+    @property
+    def parameters(self) -> int:
+        """Number of unknowns, three for each rotation included."""
+        return 3 * len(self.focals) + max(self.focals) + 1 + self.terms * (max(self.lenses) + 1)
+
+    def columns(self, camera: int) -> list[int]:
+        """Where the focal length and the distortion of a camera stand among the unknowns, after all rotations."""
+        first = 3 * len(self.focals)
+        distortion = first + max(self.focals) + 1 + self.terms * self.lenses[camera]
+        return [first + self.focals[camera], *range(distortion, distortion + self.terms)]
 
 
 def adjust(
     cameras: Sequence[Camera],
     observations: Sequence[Observation],
-    lenses: Sequence[int],
+    freedom: Freedom,
     *,
-    free_lens: int,
     loss_scale: float,
     max_steps: int = 50,
     tolerance: float = 1e-6,
 ) -> Solution:
     """Minimise the robust reprojection error over rotations and lenses.
 
-    lenses:     number of the lens of each camera
-    free_lens:  0 to 3 of (focal, k1, k2) are adjusted, in this order
     loss_scale: px beyond which a residual counts less and less (Cauchy)
     max_steps, tolerance: it ends after so many steps, or when one lowers the cost by a smaller share than this
     """
@@ -56,10 +77,10 @@ def adjust(
     damping, step = START_DAMPING, 0
     while step < max_steps and damping < MAX_DAMPING:
         step += 1
-        normal, gradient = _normal_equations(current, matches, lenses, free_lens, loss_scale)
+        normal, gradient = _normal_equations(current, matches, freedom, loss_scale)
         accepted = False
         while not accepted and damping < MAX_DAMPING:
-            candidate = _moved(current, _solve(normal, gradient, damping), lenses, free_lens)
+            candidate = _moved(current, _solve(normal, gradient, damping), freedom)
             candidate_cost = _cost(candidate, matches, loss_scale) if candidate else np.inf
             accepted = candidate_cost <= cost
             damping = max(damping / 10, 1e-12) if accepted else damping * 10
@@ -68,7 +89,7 @@ def adjust(
         gain, current, cost = cost - candidate_cost, candidate, candidate_cost
         if gain <= tolerance * max(cost, 1e-300):
             break
-    return Solution(current, cost, 3 * (len(cameras) - 1) + free_lens * (max(lenses) + 1), step)
+    return Solution(current, cost)
 
 
 def distances(cameras: Sequence[Camera], observation: Observation) -> Floats:
@@ -83,24 +104,20 @@ def _cost(cameras: Sequence[Camera], matches: Matches, scale: float) -> float:
 
 
 def _normal_equations(
-    cameras: Sequence[Camera], matches: Matches, lenses: Sequence[int], free_lens: int, scale: float
+    cameras: Sequence[Camera], matches: Matches, freedom: Freedom, scale: float
 ) -> tuple[Floats, Floats]:
     """Weighted J^T J and J^T r, over all rotations and then all lenses."""
-    count = 3 * len(cameras)
-    total = count + free_lens * (max(lenses) + 1)
-    normal, gradient = np.zeros((total, total)), np.zeros(total)
+    normal, gradient = np.zeros((freedom.parameters, freedom.parameters)), np.zeros(freedom.parameters)
     residuals = linearise(cameras, matches)
-    kept = [*range(6), *range(6, 6 + free_lens), *range(9, 9 + free_lens)]
+    free = 1 + freedom.terms
+    kept = [*range(6), *range(6, 6 + free), *range(9, 9 + free)]
     weight = np.sqrt(1 / (1 + (residuals.value**2).sum(1) / scale**2))
     rows = residuals.jacobian[:, :, kept] * weight[:, None, None]
     values = residuals.value * weight[:, None]
     for begin, end in pairwise(matches.bounds):
         i, j = int(matches.i[begin]), int(matches.j[begin])
-        columns = [
-            *range(3 * i, 3 * i + 3),
-            *range(3 * j, 3 * j + 3),
-            *(count + free_lens * lenses[n] + k for n in (i, j) for k in range(free_lens)),
-        ]
+        turns = [*range(3 * i, 3 * i + 3), *range(3 * j, 3 * j + 3)]
+        columns = [*turns, *freedom.columns(i), *freedom.columns(j)]
         block = rows[begin:end].reshape(-1, len(kept))
         # a lens shared by both photos stands twice among the columns: add, do not assign
         np.add.at(normal, np.ix_(columns, columns), block.T @ block)
@@ -117,23 +134,16 @@ def _solve(normal: Floats, gradient: Floats, damping: float) -> Floats:
     return step
 
 
-def _moved(cameras: Sequence[Camera], step: Floats, lenses: Sequence[int], free_lens: int) -> tuple[Camera, ...] | None:
+def _moved(cameras: Sequence[Camera], step: Floats, freedom: Freedom) -> tuple[Camera, ...] | None:
     """The cameras after a step; None if a lens would leave what is possible."""
     moved = []
     for n, camera in enumerate(cameras):
-        lens = np.zeros(3)
-        start = 3 * len(cameras) + free_lens * lenses[n]
-        lens[:free_lens] = step[start : start + free_lens]
-        if abs(lens[0]) > LENS_STEP_LIMIT or abs(camera.k1 + lens[1]) > 2 or abs(camera.k2 + lens[2]) > 4:
+        change = np.zeros(3)
+        change[: 1 + freedom.terms] = step[freedom.columns(n)]
+        k1, k2 = camera.k1 + change[1], camera.k2 + change[2]
+        if abs(change[0]) > LENS_STEP_LIMIT or abs(k1) > MAX_K1 or abs(k2) > MAX_K2:
             return None
         turn = rotation.nearest(rotation.exp(step[3 * n : 3 * n + 3]) @ camera.cam_from_world)
-        moved.append(
-            replace(
-                camera,
-                focal=camera.focal * (1 + lens[0]),
-                cam_from_world=turn,
-                k1=camera.k1 + lens[1],
-                k2=camera.k2 + lens[2],
-            )
-        )
+        focal = camera.focal * (1 + change[0])
+        moved.append(replace(camera, focal=focal, cam_from_world=turn, k1=float(k1), k2=float(k2)))
     return tuple(moved)

@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 from panostitch.geometry import lens
 from panostitch.geometry.rotation import cross_matrix
 from panostitch.model.camera import Camera
+from panostitch.model.match import VerifiedMatch
 
 Floats = NDArray[np.float64]
 
+MATCHES_PER_LINK = 200  # more make the adjustment slower, not better
 BEHIND = 1e3  # px, residual of a point that camera j cannot see; finite, so that a bad start can still improve
 
 
@@ -32,6 +34,12 @@ class Observation:
     def swapped(self) -> "Observation":
         """The same matches seen from the other photo."""
         return Observation(self.j, self.i, self.xy_j, self.xy_i)
+
+
+def thinned(link: VerifiedMatch, most: int = MATCHES_PER_LINK) -> Observation:
+    """At most `most` matches of a link, evenly from all of them: they come spread over the photo."""
+    index = np.linspace(0, link.inliers - 1, min(link.inliers, most)).astype(int)
+    return Observation(link.i, link.j, link.xy_i[index], link.xy_j[index])
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 DARK, BRIGHT = 8.0, 247.0  # grey levels outside of which a pixel says nothing of the exposure
 MIN_SAMPLES = 30  # px of the reduced canvas
 RATIO_SPREAD = 0.05  # of the log ratio of two photos in their overlap: how far it is trusted
-GAIN_SPREAD = 1.0  # of the log gains: wide, only to settle what no overlap settles
+GAIN_SPREAD = 0.15  # of the log gains: wide enough for real steps; a slow drift of the light over many photos stays
 
 Pieces = Sequence[tuple[int, Layer]]
 
@@ -36,6 +36,14 @@ def gains(count: int, pieces: Pieces) -> Floats:
             right[[i, j]] += np.array([-ratio, ratio]) * weight
     logs = np.linalg.solve(normal, right)
     return np.asarray(np.exp(logs - logs.mean()), np.float64)
+
+
+def expose(pixels: NDArray[np.float32], gain: float) -> NDArray[np.float32]:
+    """Pixels (h, w, 3) in 0..255 times a gain; what would be brighter than white keeps its hue."""
+    exposed = pixels * np.float32(gain)
+    if gain > 1:
+        exposed *= (np.float32(255) / np.maximum(exposed.max(axis=2), np.float32(255)))[..., None]
+    return exposed
 
 
 def unit_gains(count: int, pieces: Pieces) -> Floats:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from panostitch.compositing.blend import BLENDERS
 from panostitch.compositing.blend.pieces import Piece, hard_composite
 from panostitch.compositing.crop import choose_crop
-from panostitch.compositing.exposure import EXPOSURE
+from panostitch.compositing.exposure import EXPOSURE, expose
 from panostitch.compositing.seams import SEAMS, extend
 from panostitch.compositing.warp import footprints, read_for, warp
 from panostitch.errors import AlignmentError
@@ -53,7 +53,7 @@ def make_plan(
         raise AlignmentError("no photo falls on the canvas", hint="try another --projection")
     count = len(alignment.photos)
     factors = EXPOSURE[options.exposure](count, pieces)
-    exposed = [(n, _times(layer, factors[n])) for n, layer in pieces]
+    exposed = [(n, _exposed(layer, factors[n])) for n, layer in pieces]
     labels = SEAMS[options.seams](small, exposed)
     covered = labels != NOBODY
     extended = extend(labels)
@@ -87,8 +87,8 @@ def _warp_one(alignment: Alignment, small: Canvas, places: Sequence[tuple[Region
     return [warp(raster, camera, small, region, interpolation=cv2.INTER_LINEAR) for region in places[n]]
 
 
-def _times(layer: Layer, factor: float) -> Layer:
-    return Layer(layer.region, layer.pixels * np.float32(factor), layer.mask)
+def _exposed(layer: Layer, factor: float) -> Layer:
+    return Layer(layer.region, expose(layer.pixels, factor), layer.mask)
 
 
 def _piece(photo: int, layer: Layer, labels: NDArray[np.int16], whole: Region) -> Piece:

@@ -19,18 +19,22 @@ _cv2: Any = cv2  # the stubs that OpenCV ships do not know its own constructors
 # ORB piles its strongest corners on a few bushes: ask for many more than are kept, and spread them.
 ORB_SURPLUS = 6
 ORB_FAST_THRESHOLD = 7
-SIFT_SURPLUS = 2
-SIFT_CONTRAST = 0.008  # a fifth of OpenCV's: dusk and haze have only weak key points, and the strongest win anyway
+SIFT_SURPLUS = 1.5
+SIFT_CONTRASTS = (0.04, 0.008)  # OpenCV's own; and for dusk and haze, whose key points are all weak, a fifth of it
 AKAZE_THRESHOLD = 3e-4  # the default, 1e-3, leaves dark photos without key points
 
 
 def sift(grey: Grey, count: int) -> Described:
     """SIFT key points with RootSIFT descriptors (n, 128) float32 of unit length."""
-    # without the precise upscale every key point lies 0.25 px too far right and down
-    detector = _cv2.SIFT_create(
-        nfeatures=SIFT_SURPLUS * count, contrastThreshold=SIFT_CONTRAST, enable_precise_upscale=True
-    )
-    points, descriptors = _run(detector, grey)
+    points: Any = []
+    descriptors: Any = None
+    for contrast in SIFT_CONTRASTS:
+        if len(points) < count / 2:
+            # without the precise upscale every key point lies 0.25 px too far right and down
+            detector = _cv2.SIFT_create(
+                nfeatures=int(SIFT_SURPLUS * count), contrastThreshold=contrast, enable_precise_upscale=True
+            )
+            points, descriptors = _run(detector, grey)
     if descriptors is None:
         return _described([], np.zeros((0, 128), np.float32))
     roots = np.sqrt(descriptors / np.maximum(descriptors.sum(1, keepdims=True), 1e-7))
