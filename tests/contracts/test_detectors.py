@@ -48,7 +48,7 @@ class MaskedSource:
 class BrokenSource:
     """Pixels that cannot be had."""
 
-    def read(self, scale=1.0):
+    def read(self, scale=1.0):  # noqa: ARG002
         raise InputError("broken.jpg: broken")
 
 

@@ -16,10 +16,11 @@ FLOAT32 = 1e-6
 
 # Share of the planted steps that is left: slow drifts of the light are meant to stay. 0.14 seen.
 LEFT = 0.25
-# Relative; what is left where nothing is meant to stay. 0.0003 seen; the median of 2000 ratios in float32 is exact.
-EXACT = 0.002
-# Relative; the same with grain of 4 grey levels in 4000 px and a moved thing in a tenth of each overlap. 0.004 seen.
-DISTURBED = 0.015
+# Relative; what is left where nothing is meant to stay. 2e-5 seen: the wide wish for gains near 1.
+EXACT = 1e-4
+# Relative; the same with grain of 4 grey levels in 4000 px and a moved thing in a tenth of each overlap. Seen
+# over 30 seeds: 0.007 to 0.012. No error at all would mean that nothing was disturbed.
+DISTURBED = (0.001, 0.035)
 NOTHING_STAYS = 10.0  # spread of log gains: so wide that only the overlaps speak
 
 ROW, WIDTH, STEP = 80, 140, 90  # px: photos 140 wide, 90 apart
@@ -102,7 +103,7 @@ def test_grain_and_moved_things_disturb_little(rng):
         if n % 2:
             layer.pixels[20:60, :10] = 240  # something white stands in the overlap with the photo before
 
-    assert 1e-5 < unevenness(EXPOSURE["gain"](5, pieces)) < DISTURBED
+    assert DISTURBED[0] < unevenness(EXPOSURE["gain"](5, pieces)) < DISTURBED[1]
 
 
 @pytest.mark.usefixtures("overlaps_alone")

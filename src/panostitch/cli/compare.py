@@ -1,6 +1,5 @@
 """`panostitch compare`: cv2.Stitcher and panostitch on the same photos."""
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -56,9 +55,8 @@ def command(photos: tuple[str, ...], output: str, **given: Any) -> int:
         code = report.exit_code(comparison.ours.alignment)
     if given["as_json"]:
         report.print_json(comparison.to_json() | {"path": "" if failure else output, "exit_code": code})
-    else:
-        for line in table(comparison):
-            click.echo(report.printable(line))
+    if not given["quiet"]:
+        _say_comparison(comparison)
     if failure:
         raise failure
     if not given["quiet"]:
@@ -66,23 +64,23 @@ def command(photos: tuple[str, ...], output: str, **given: Any) -> int:
     return code
 
 
-def table(comparison: "Comparison") -> list[str]:
-    """The comparison in lines: a row for each program, then what does not fit into a row."""
-    rows = [HEAD, *(_row(comparison, o, m) for o, m in zip(comparison.outcomes, comparison.misfits, strict=True))]
-    lines = _aligned(rows)
+def _say_comparison(comparison: "Comparison") -> None:
+    """A row for each program, then what does not fit into a row."""
+    from panostitch.cli import report
+
+    pairs = zip(comparison.outcomes, comparison.misfits, strict=True)
+    report.say_table(HEAD, [_row(comparison, outcome, misfit) for outcome, misfit in pairs])
     for outcome in comparison.outcomes:
         left_out = comparison.left_out(outcome)
         if not outcome.size:
-            lines.append(f"{outcome.program}: {outcome.status}")
+            report.say(f"{outcome.program}: {outcome.status}")
         elif left_out:
-            lines.append(f"{outcome.program} leaves out {', '.join(left_out)}")
+            report.say(f"{outcome.program} leaves out {', '.join(left_out)}")
     if comparison.points:
-        pairs = "pair" if comparison.pairs == 1 else "pairs"
-        lines.append(
+        report.say(
             f"px: distance in the full photos between {comparison.points} matched points of {comparison.detector}, "
-            f"in {comparison.pairs} overlapping {pairs} of photos"
+            f"in {comparison.pairs} overlapping {'pair' if comparison.pairs == 1 else 'pairs'} of photos"
         )
-    return lines
 
 
 def _row(comparison: "Comparison", outcome: "Outcome", misfit: "Misfit | None") -> tuple[str, ...]:
@@ -99,15 +97,3 @@ def _row(comparison: "Comparison", outcome: "Outcome", misfit: "Misfit | None") 
 
 def _number(value: float | None, digits: int) -> str:
     return NOTHING if value is None else f"{value:.{digits}f}"
-
-
-def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
-    """Rows as lines, the first column to the left and numbers to the right."""
-    widths = [max(len(row[n]) for row in rows) for n in range(len(rows[0]))]
-    return [
-        "  ".join(
-            cell.rjust(width) if n else cell.ljust(width)
-            for n, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]

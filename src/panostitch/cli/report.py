@@ -70,10 +70,16 @@ def say_panorama(panorama: Panorama, path: str) -> None:
 
 
 def say_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Rows in aligned columns under a head."""
-    widths = [max(len(row[n]) for row in (head, *rows)) for n in range(len(head))]
+    """Rows in aligned columns under a head; columns of numbers stand to the right."""
+    columns = list(zip(head, *rows, strict=True))
+    widths = [max(map(len, column)) for column in columns]
+    numeric = [all(cell[:1].isdigit() or cell in ("-", "inf") for cell in column[1:]) for column in columns]
     for row in (head, *rows):
-        say("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+        cells = (
+            cell.rjust(width) if right else cell.ljust(width)
+            for cell, width, right in zip(row, widths, numeric, strict=True)
+        )
+        say("  ".join(cells).rstrip())
 
 
 def result(alignment: Alignment, panorama: Panorama | None = None, path: str = "") -> dict[str, Any]:

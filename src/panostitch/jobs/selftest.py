@@ -3,8 +3,10 @@
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from panostitch import pipeline
 from panostitch.errors import PanostitchError
@@ -19,10 +21,24 @@ from panostitch.synthetic.score import score
 QUICK = ("pair", "low_overlap")
 TEXTURE = (4096, 2048)  # px
 SEED = 7
-EXPOSURE_STEP = 0.3  # EV, up and down in turn
-VIGNETTING = 0.2  # share of light lost in the corners
-NOISE = 2.0  # grey levels
 MAX_RMS = 0.5  # px: more than this on photos of this kind is a fault
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Under what light the photos are taken.
+
+    exposure_step: EV, up for one photo and down for the next
+    vignetting:    share of the light lost in the corners
+    noise:         grey levels
+    """
+
+    exposure_step: float
+    vignetting: float
+    noise: float
+
+
+CONDITIONS = Conditions(exposure_step=0.3, vignetting=0.2, noise=2.0)
 
 
 @dataclass(frozen=True)
@@ -49,22 +65,32 @@ class Finding:
 
 def run_selftest(plans: Sequence[str], options: Options, *, run: Executor) -> Iterator[Finding]:
     """Photograph and align each plan (names in PLANS), with exposure steps, vignetting and noise."""
-    texture = procedural_texture(*TEXTURE, SEED)
     for name in plans:
-        scene = plane_scene(texture) if name in FLAT_PLANS else sphere_scene(texture)
-        true = PLANS[name]()
-        photos = photograph_plan(
-            scene,
-            true,
-            exposures=[EXPOSURE_STEP * (-1) ** n for n in range(len(true))],
-            vignetting=VIGNETTING,
-            noise=NOISE,
-            rng=np.random.default_rng(SEED),
-        )
-        yield _judged(name, true, photos, options, run)
+        yield judge(name, *photograph(name, CONDITIONS), options, run)
 
 
-def _judged(plan: str, true: Sequence[Camera], photos: Sequence[Photo], options: Options, run: Executor) -> Finding:
+def photograph(plan: str, conditions: Conditions) -> tuple[list[Camera], list[Photo]]:
+    """The cameras of a plan and the photos they take of a computed scene; the same on every call."""
+    scene = plane_scene(_texture()) if plan in FLAT_PLANS else sphere_scene(_texture())
+    cameras = PLANS[plan]()
+    photos = photograph_plan(
+        scene,
+        cameras,
+        exposures=[conditions.exposure_step * (-1) ** n for n in range(len(cameras))],
+        vignetting=conditions.vignetting,
+        noise=conditions.noise,
+        rng=np.random.default_rng(SEED),
+    )
+    return cameras, photos
+
+
+@cache
+def _texture() -> NDArray[np.uint8]:
+    return np.asarray(procedural_texture(*TEXTURE, SEED), np.uint8)
+
+
+def judge(plan: str, true: Sequence[Camera], photos: Sequence[Photo], options: Options, run: Executor) -> Finding:
+    """Align the photos and compare the cameras found with the true ones."""
     start = time.perf_counter()
     try:
         alignment = pipeline.align(photos, options, run=run)
