@@ -45,12 +45,13 @@ def align(photos: Sequence[Photo], options: Options, *, run: Executor = serial, 
 def recognise(
     photos: Sequence[Photo], options: Options, *, run: Executor = serial, trace: Trace = silent
 ) -> Recognition:
-    """Features, matches, links, groups."""
+    """Features, matches, links, groups. Raises InputError where fewer than two photos can be read."""
     trace("photos.read", photos=photos)
     found = detect(photos, options.features, run=run, trace=trace)
-    unreadable = [
-        LeftOut(p.name, f.message, hint=f.hint) for p, f in zip(photos, found, strict=True) if isinstance(f, InputError)
-    ]
+    failures = [(p, f) for p, f in zip(photos, found, strict=True) if isinstance(f, InputError)]
+    if failures and len(photos) - len(failures) < 2:
+        raise _unreadable(failures)
+    unreadable = [LeftOut(p.name, f.message.removeprefix(f"{p.path}: "), hint=f.hint) for p, f in failures]
     photos = [p for p, f in zip(photos, found, strict=True) if isinstance(f, Features)]
     features = [f for f in found if isinstance(f, Features)]
     matches = match(features, choose_pairs(len(photos)), options.matching, run=run)
@@ -84,6 +85,12 @@ def render(alignment: Alignment, options: Options, *, run: Executor = serial, tr
     canvas = lay_out(alignment, options.layout, trace=trace)
     plan = make_plan(alignment, canvas, options.compositing, options.layout.crop, run=run, trace=trace)
     return make_panorama(alignment, canvas, plan, options.compositing)
+
+
+def _unreadable(failures: Sequence[tuple[Photo, InputError]]) -> InputError:
+    """The error for too few photos that can be read."""
+    first = failures[0][1]
+    return InputError(first.message, details=tuple(error.message for _, error in failures[1:]), hint=first.hint)
 
 
 def left_out(recognition: Recognition, kept: Sequence[int]) -> list[LeftOut]:

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
-from panostitch.cli.compare import table
+from panostitch.cli.compare import say_comparison
 from panostitch.cli.main import run
 from panostitch.errors import EXIT_INTERRUPTED, EXIT_LEFT_OUT, NoOverlapError, OutputError
 from panostitch.jobs.compare import Comparison, Misfit
@@ -107,12 +107,13 @@ def test_interrupt_leaves_nothing(photos, tmp_path, temporary):
     assert not output.exists()
 
 
-def test_table_names_what_is_missing():
+def test_table_names_what_is_missing(capsys):
     photos = tuple(Photo(f"{name}.jpg", (480, 360), None) for name in "abc")
     camera = rig([0.0], size=(480, 360), focal=500)[0]
     rival = Outcome(RIVAL, "5.0", "crashed: aborted", seconds=1.5)
     ours = Outcome(OURS, "0.1", DONE, (camera, None, camera), (700, 350), 2.0, 3.0, 123.4)
-    lines = table(Comparison(photos, (rival, ours), (None, Misfit(0.5, np.inf, 2.0)), "akaze", 80, 1))
+    say_comparison(Comparison(photos, (rival, ours), (None, Misfit(0.5, np.inf, 2.0)), "akaze", 80, 1))
+    lines = capsys.readouterr().err.splitlines()
     assert [" ".join(line.split()) for line in lines[1:3]] == [
         "cv2.Stitcher 5.0 0 of 3 - 1.50 - - - - -",
         "panostitch 0.1 2 of 3 700 x 350 2.00 3.00 123 0.50 inf 2.00",

@@ -31,7 +31,7 @@ def planar_cameras(
     if len(photos) > 2:
         _relax(plane_from_photo, observations, tree.root, loss_scale)
     return tuple(
-        Camera(photo.size, 1.0, (0.0, 0.0), _normalised(np.linalg.inv(matrix)))
+        Camera(photo.size, 1.0, (0.0, 0.0), np.asarray(np.linalg.inv(_seen_from_middle(matrix, photo)), np.float64))
         for photo, matrix in zip(photos, plane_from_photo, strict=True)
     )
 
@@ -47,9 +47,10 @@ def _relax(plane_from_photo: list[Floats], observations: Sequence[Observation], 
             src = np.vstack([o.xy_i for o in own])
             dst = np.vstack([homography.apply(plane_from_photo[o.j], o.xy_j) for o in own])
             usable = np.isfinite(dst).all(1)
-            start = _normalised(plane_from_photo[n])
+            start = plane_from_photo[n]
             plane_from_photo[n] = homography.refine(start, src[usable], dst[usable], scale=loss_scale)
 
 
-def _normalised(matrix: NDArray[np.floating]) -> Floats:
-    return np.asarray(matrix / matrix[2, 2], np.float64)
+def _seen_from_middle(matrix: Floats, photo: Photo) -> Floats:
+    """The homography from a photo with positive depth where the photo looks."""
+    return homography.normalised(matrix, (np.array(photo.size) - 1) / 2)

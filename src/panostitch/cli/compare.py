@@ -56,7 +56,7 @@ def command(photos: tuple[str, ...], output: str, **given: Any) -> int:
     if given["as_json"]:
         report.print_json(comparison.to_json() | {"path": "" if failure else output, "exit_code": code})
     if not given["quiet"]:
-        _say_comparison(comparison)
+        say_comparison(comparison)
     if failure:
         raise failure
     if not given["quiet"]:
@@ -64,7 +64,7 @@ def command(photos: tuple[str, ...], output: str, **given: Any) -> int:
     return code
 
 
-def _say_comparison(comparison: "Comparison") -> None:
+def say_comparison(comparison: "Comparison") -> None:
     """A row for each program, then what does not fit into a row."""
     from panostitch.cli import report
 

@@ -34,7 +34,8 @@ def _expand(argument: str) -> Iterator[str]:
     elif os.path.isdir(argument):
         yield from photos_in(argument)
     elif any(c in argument for c in "*?[") and not os.path.exists(argument):
-        yield from sorted(glob.glob(argument)) or [argument]
+        found = sorted(glob.glob(argument))
+        yield from (path for match in found for path in _expand(match)) if found else [argument]
     else:
         yield argument
 
@@ -42,7 +43,7 @@ def _expand(argument: str) -> Iterator[str]:
 def _from_list(path: str) -> list[str]:
     """Paths in a text file, one a line, relative to the file."""
     try:
-        text = Path(path).read_text()
+        text = Path(path).read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read: {error}") from None
     return [os.path.join(os.path.dirname(path), line) for line in _lines(text)]

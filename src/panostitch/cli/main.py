@@ -8,6 +8,7 @@ import os
 import sys
 import tempfile
 import traceback
+import warnings
 from typing import Any
 
 import click
@@ -78,6 +79,8 @@ def main() -> None:
 
 def run(arguments: list[str]) -> int:
     """Run the command line on these arguments; the exit code. Errors are said, never raised."""
+    # damaged metadata are ignored, as they should be; Pillow need not say so in between
+    warnings.filterwarnings("ignore", module=r"PIL\..*")
     try:
         code: Any = cli.main(arguments, prog_name="panostitch", standalone_mode=False)
     except click.ClickException as error:

@@ -1,6 +1,7 @@
 """Dataclasses of options become click options: their names, defaults, ranges and help come from there."""
 
 import dataclasses
+import math
 from collections.abc import Callable
 from typing import Any, Literal, get_args, get_origin
 
@@ -9,6 +10,16 @@ import click
 from panostitch.options import Options
 
 Command = Callable[..., Any]
+
+
+class FiniteRange(click.FloatRange):
+    """A range that "nan", which compares with nothing, does not slip through."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a number.", param, ctx)
+        return number
 
 
 def stage_options(*stages: type) -> Callable[[Command], Command]:
@@ -30,7 +41,7 @@ def _click_option(field: "dataclasses.Field[Any]") -> Callable[[Command], Comman
     if get_origin(kind) is Literal:
         kind = click.Choice([str(choice) for choice in get_args(kind)])
     elif kind in (int, float) and low is not None:
-        kind = (click.IntRange if kind is int else click.FloatRange)(low, high)
+        kind = (click.IntRange if kind is int else FiniteRange)(low, high)
     return click.option(name, type=kind, default=field.default, show_default=True, help=field.metadata["help"])
 
 

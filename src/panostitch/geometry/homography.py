@@ -44,9 +44,9 @@ def estimate(src: Floats, dst: Floats, *, threshold: float, seed: int) -> tuple[
     found, _ = cv2.findHomography(
         np.ascontiguousarray(src, np.float64), np.ascontiguousarray(dst, np.float64), _usac(threshold, seed)
     )
-    if found is None or not np.isfinite(found).all() or abs(found[2, 2]) < 1e-12:
+    if found is None or not np.isfinite(found).all():
         return None
-    homography = np.asarray(found / found[2, 2], np.float64)
+    homography = normalised(np.asarray(found, np.float64), src.mean(0))
     inliers = transfer_error(homography, src, dst) <= threshold
     for _ in range(2):  # the better fit has a few more inliers; they have settled after the second round
         if inliers.sum() < MIN_POINTS:
@@ -54,6 +54,16 @@ def estimate(src: Floats, dst: Floats, *, threshold: float, seed: int) -> tuple[
         homography = refine(homography, src[inliers], dst[inliers], scale=threshold / 3)
         inliers = transfer_error(homography, src, dst) <= threshold
     return homography, inliers
+
+
+def normalised(homography: Floats, at: Floats) -> Floats:
+    """The homography scaled so that the depth at this point (2,) is one.
+
+    A homography is known up to a factor, sign included; depths are positive where a camera looks only if the sign is
+    chosen at a point that it sees.
+    """
+    depth = float(homography[2, :2] @ at + homography[2, 2])
+    return np.asarray(homography / depth if abs(depth) > 1e-12 else homography)
 
 
 def _usac(threshold: float, seed: int) -> Any:
@@ -89,10 +99,8 @@ def refine(homography: Floats, src: Floats, dst: Floats, *, scale: float) -> Flo
         normal = np.einsum("nki,nkj,n->ij", rows, rows, weight)
         step = np.linalg.lstsq(normal, np.einsum("nki,nk,n->i", rows, residual, weight), rcond=None)[0]
         h = h + np.append(step, 0.0).reshape(3, 3)
-    refined = np.linalg.inv(to_dst) @ h @ to_src
-    if not np.isfinite(refined).all() or abs(refined[2, 2]) < 1e-12:
-        return homography
-    return np.asarray(refined / refined[2, 2])
+    refined = np.asarray(np.linalg.inv(to_dst) @ h @ to_src, np.float64)
+    return normalised(refined, src.mean(0)) if np.isfinite(refined).all() else homography
 
 
 def _jacobian(a: Floats, uv: Floats, depth: Floats) -> Floats:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from PIL import ExifTags
-from PIL.Image import Image
+from PIL.Image import Exif, Image
 
 FULL_FRAME_DIAGONAL = 43.27  # mm of 24 x 36 mm film, to which 35 mm equivalents refer
 MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}  # FocalPlaneResolutionUnit: inch, cm, mm, um
@@ -32,15 +32,26 @@ class Metadata:
 
 def read_metadata(image: Image) -> Metadata:
     """Metadata of an opened, not yet decoded picture. Nonsense in them is ignored."""
-    exif = image.getexif()
+    exif = _exif(image)
     tags: dict[int, Any] = {**exif, **exif.get_ifd(ExifTags.IFD.Exif)}
-    orientation, notes = _orientation(tags.get(ExifTags.Base.Orientation), image.size)
+    # Pillow turns a TIFF upright by itself
+    tag = None if image.format == "TIFF" else tags.get(ExifTags.Base.Orientation)
+    orientation, notes = _orientation(tag, image.size)
     width, height = image.size
     size = (height, width) if orientation in TRANSPOSED else (width, height)
     length = _positive(tags.get(ExifTags.Base.FocalLength))
     words = (_words(tags.get(tag)) for tag in (ExifTags.Base.Make, ExifTags.Base.Model, ExifTags.Base.LensModel))
     lens = " ".join([*words, f"{length:g} mm" if length else ""]).strip()
     return Metadata(size, orientation, _focal(tags, length, image.size), lens, notes)
+
+
+def _exif(image: Image) -> Exif:
+    """EXIF tags from the header alone: `getexif` decodes a whole PNG to find tags behind the picture."""
+    if image.format == "TIFF":
+        return image.getexif()
+    exif = Exif()
+    exif.load(image.info.get("exif", b""))
+    return exif
 
 
 def _orientation(value: Any, size: tuple[int, int]) -> tuple[int, tuple[str, ...]]:

@@ -19,7 +19,7 @@ def write_project(alignment: Alignment, path: str) -> None:
     data = alignment.to_json()
     for entry in data["photos"]:
         entry["path"] = os.path.relpath(os.path.abspath(entry["path"]), os.path.abspath(os.path.dirname(path) or "."))
-    write_bytes(path, (json.dumps(data, indent=1, ensure_ascii=False) + "\n").encode())
+    write_bytes(path, (json.dumps(data, indent=1) + "\n").encode())
 
 
 def read_project(path: str) -> Alignment:
@@ -44,7 +44,7 @@ def read_project(path: str) -> Alignment:
         )
     except InputError:
         raise
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
         what = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise InputError(f"{path}: not a sound project file: {what}") from None
 

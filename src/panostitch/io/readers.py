@@ -5,6 +5,7 @@ Pillow reads headers and all formats but ordinary JPEG, which OpenCV decodes twi
 
 import os
 import re
+import struct
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -48,6 +49,23 @@ EXTENSIONS = frozenset(
 )
 REDUCED_MODES = {8: cv2.IMREAD_REDUCED_COLOR_8, 4: cv2.IMREAD_REDUCED_COLOR_4, 2: cv2.IMREAD_REDUCED_COLOR_2}
 MAX_MEGAPIXELS = 1000.0
+COPY_ANEW = "copy it anew from the camera"
+DIGITS = tuple("0123456789")
+# What Pillow and OpenCV raise on damaged files.
+READ_FAILURES = (
+    OSError,
+    ValueError,
+    SyntaxError,
+    EOFError,
+    KeyError,
+    IndexError,
+    TypeError,
+    OverflowError,
+    RuntimeError,
+    MemoryError,
+    struct.error,
+    cv2.error,
+)
 Image.MAX_IMAGE_PIXELS = None  # we refuse too large pictures ourselves, by name and before decoding
 
 
@@ -70,11 +88,11 @@ class FileSource:
 
 def open_photos(paths: Sequence[str | os.PathLike[str]]) -> tuple[list[Photo], list[InputError]]:
     """Photos in the natural order of their names, and what cannot be opened. A file given twice is opened once."""
-    photos: dict[Path, Photo] = {}
+    photos: dict[str, Photo] = {}
     failures = []
     for path in paths:
         try:
-            real = Path(path).resolve()
+            real = os.path.realpath(path)
             if real not in photos:
                 photos[real] = open_photo(path)
         except InputError as error:
@@ -94,8 +112,8 @@ def open_photo(path: str | os.PathLike[str]) -> Photo:
             metadata = read_metadata(image)
     except UnidentifiedImageError:
         raise InputError(f"{name}: not a picture", hint=f"known are {', '.join(FORMATS)}") from None
-    except (OSError, ValueError, SyntaxError) as error:
-        raise InputError(f"{name}: cannot be read: {error}") from None
+    except READ_FAILURES as error:
+        raise InputError(f"{name}: cannot be read: {str(error) or type(error).__name__}") from None
     megapixels = metadata.size[0] * metadata.size[1] / 1e6
     if megapixels > MAX_MEGAPIXELS:
         raise InputError(f"{name}: claims {megapixels:.0f} megapixels; {MAX_MEGAPIXELS:.0f} is the most")
@@ -114,8 +132,8 @@ def photos_in(folder: str) -> list[str]:
 
 def natural_key(name: str) -> tuple[object, ...]:
     """Sort key under which photo_9 comes before photo_10."""
-    parts = re.split(r"(\d+)", name.casefold())
-    return (*((int(part), "") if part.isdigit() else (-1, part) for part in parts), name)
+    parts = re.split(r"([0-9]+)", name.casefold())
+    return tuple((int(part), "") if part[:1] in DIGITS else (-1, part) for part in parts if part), name
 
 
 def _named_apart(photos: list[Photo]) -> list[Photo]:
@@ -133,8 +151,8 @@ def _decode(path: str, scale: float) -> tuple[Pixels, Pixels | None, tuple[int, 
             return *_from_pillow(image), image.size
     except InputError:
         raise
-    except (OSError, ValueError, SyntaxError, EOFError, cv2.error) as error:
-        raise InputError(f"{path}: broken: {error}", hint="copy it anew from the camera") from None
+    except READ_FAILURES as error:
+        raise InputError(f"{path}: broken: {str(error) or type(error).__name__}", hint=COPY_ANEW) from None
 
 
 def _reduction(size: tuple[int, int], scale: float) -> int:
@@ -146,7 +164,7 @@ def _decode_jpeg(path: str, reduction: int) -> Pixels:
     mode = REDUCED_MODES.get(reduction, cv2.IMREAD_COLOR) | cv2.IMREAD_IGNORE_ORIENTATION
     pixels = cv2.imdecode(np.fromfile(path, np.uint8), mode)
     if pixels is None:
-        raise InputError(f"{path}: broken: the file ends before the picture does", hint="copy it anew from the camera")
+        raise InputError(f"{path}: broken: the file ends before the picture does", hint=COPY_ANEW)
     return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB), np.uint8)
 
 

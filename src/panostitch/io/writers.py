@@ -30,8 +30,14 @@ PNG_LEVEL = 3  # a quarter of the time of the best compression for a few per cen
 def check_output(path: str, *, overwrite: bool, inputs: Sequence[str] = (), extensions: Sequence[str] = ()) -> None:
     """Raise OutputError where a file cannot or must not be written; before any work is done."""
     target, allowed = Path(path), extensions or EXTENSIONS
-    if not path.lower().endswith(tuple(allowed)):
+    if not any(target.name.lower().endswith(end) and len(target.name) > len(end) for end in allowed):
         raise OutputError(f"{path}: the name must end in {', '.join(allowed)}")
+    try:
+        os.lstat(target.parent / (target.name + "~"))
+    except FileNotFoundError:
+        pass
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written: {error.strerror}") from None
     if target.is_dir():
         raise OutputError(f"{path}: is a folder")
     if not target.parent.is_dir():

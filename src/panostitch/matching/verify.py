@@ -59,7 +59,7 @@ def _objection(
     if inliers < needed:
         return "too few matches agree"
     i_from_j = np.asarray(np.linalg.inv(j_from_i), np.float64)
-    if not (homography.is_sane(j_from_i, size_i) and homography.is_sane(i_from_j / i_from_j[2, 2], size_j)):
+    if not (homography.is_sane(j_from_i, size_i) and homography.is_sane(i_from_j, size_j)):
         return "the matches agree on an impossible view"
     if overlap < MIN_OVERLAP:
         return "the overlap is too small"

@@ -81,13 +81,13 @@ class Alignment:
 
 
 def camera_from_json(data: dict[str, Any]) -> Camera:
-    """The camera of one entry of a project file. Raises KeyError, TypeError or ValueError on nonsense."""
+    """The camera of one entry of a project file. Nonsense raises KeyError, TypeError, ValueError or OverflowError."""
     matrix = np.array(data["cam_from_world"], np.float64)
     width, height = (int(n) for n in data["size"])
     x, y = (float(n) for n in data["centre"])
-    focal = float(data["focal"])
-    if matrix.shape != (3, 3) or not np.isfinite([*matrix.flat, x, y, focal]).all() or focal <= 0:
+    focal, k1, k2 = (float(data[name]) for name in ("focal", "k1", "k2"))
+    if matrix.shape != (3, 3) or not np.isfinite([*matrix.flat, x, y, focal, k1, k2]).all() or focal <= 0:
         raise ValueError("camera is not made of finite numbers")
     if abs(np.linalg.det(matrix)) < 1e-12:
         raise ValueError("camera matrix is singular")
-    return Camera((width, height), focal, (x, y), matrix, float(data["k1"]), float(data["k2"]))
+    return Camera((width, height), focal, (x, y), matrix, k1, k2)
