@@ -78,8 +78,8 @@ def test_no_overlap_shows_the_rival_then_fails(strangers, tmp_path, capsys):
     output = tmp_path / "both.jpg"
     assert run(["compare", str(strangers), "-o", str(output)]) == NoOverlapError.exit_code
     said = capsys.readouterr()
-    assert "cv2.Stitcher: need more images" in said.out
-    assert "0 of 2" in said.out
+    assert "cv2.Stitcher: need more images" in said.err
+    assert "0 of 2" in said.err
     assert "error: no two photos overlap" in said.err
     assert not output.exists()
 

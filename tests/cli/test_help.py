@@ -9,7 +9,6 @@ from typing import Literal, get_args, get_origin
 import click
 import pytest
 
-from known_bugs import bug
 from panostitch.cli.main import COMMANDS
 from panostitch.compositing.blend import BLENDERS
 from panostitch.compositing.exposure import EXPOSURE
@@ -167,7 +166,6 @@ def test_version(call):
     assert re.search(r"\d+\.\d+", result.out)
 
 
-@bug("the third example is 81 columns wide")
 def test_help_fits_the_terminal(help_of, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
 

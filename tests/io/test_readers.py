@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from PIL import Image, ImageFile, PngImagePlugin, TiffImagePlugin
 
-from known_bugs import bug, marked
 from panostitch.errors import InputError
 from panostitch.io.readers import natural_key, open_photo, open_photos
 from tolerances import JPEG_MEAN
@@ -263,7 +262,6 @@ def _no_decoding(monkeypatch):
         monkeypatch.setattr(plugin, "load", load)
 
 
-@bug(DECODES)
 @pytest.mark.usefixtures("_no_decoding")
 def test_a_header_that_claims_too_much_is_refused_before_memory_is_taken(tmp_path):
     (tmp_path / "huge.png").write_bytes(png_claiming(100_000, 100_000))
@@ -272,7 +270,7 @@ def test_a_header_that_claims_too_much_is_refused_before_memory_is_taken(tmp_pat
         open_photo(tmp_path / "huge.png")
 
 
-@pytest.mark.parametrize("name", marked([*LOSSLESS, "a.jpg"], {"a.png": DECODES}))
+@pytest.mark.parametrize("name", [*LOSSLESS, "a.jpg"])
 def test_opening_reads_the_header_alone(name, picture, save, request):
     path = save(name, picture)
     request.getfixturevalue("_no_decoding")
@@ -287,7 +285,6 @@ def test_a_header_that_claims_more_than_there_is(tmp_path):
         read(tmp_path / "liar.png")
 
 
-@bug("MemoryError is not caught")
 def test_a_jpeg_2000_header_that_claims_too_much(picture):
     buffer = io.BytesIO()
     Image.fromarray(picture).save(buffer, "JPEG2000")
@@ -321,7 +318,7 @@ def test_photos_come_in_the_natural_order_of_their_names(picture, save):
 
 @pytest.mark.parametrize(
     "name",
-    marked(["1²2.jpg", "①.jpg", "٣.jpg", "²", "-1.5e3", "a\u0300.png", "😀7.jpg"], {"1²2.jpg": NO_INT, "²": NO_INT}),
+    ["1²2.jpg", "①.jpg", "٣.jpg", "²", "-1.5e3", "a\u0300.png", "😀7.jpg"],
 )
 def test_every_name_has_its_place(name):
     others = ["1.jpg", "a.jpg", "10", "a10b2"]
@@ -329,7 +326,6 @@ def test_every_name_has_its_place(name):
     assert sorted([name, *others], key=natural_key) == sorted([*others, name], key=natural_key)
 
 
-@bug("TypeError: a text is compared with a tuple where one key continues the other")
 def test_a_name_comes_before_its_continuation():
     assert sorted(["photo1", "photo", "photo1a"], key=natural_key) == ["photo", "photo1", "photo1a"]
 
@@ -354,7 +350,6 @@ def test_the_same_file_twice_is_one_photo(picture, save, tmp_path):
     assert not failures
 
 
-@bug("RuntimeError of Path.resolve: symlink loop")
 def test_what_cannot_be_opened_is_told_beside_what_can(picture, save, tmp_path):
     save("good.png", picture)
     (tmp_path / "bad.png").write_text("no")

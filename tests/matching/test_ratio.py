@@ -117,7 +117,7 @@ def test_without_the_ratio_test_repetition_floods_with_false_matches(name, rng):
 
 
 def house_front(rng):
-    """Two pictures (300, 400, 3) of tiles that are all alike, and something unlike; the second one 24 px to the left."""
+    """Two pictures (300, 400, 3) of tiles all alike, and something unlike; the second is 24 px to the left."""
 
     def blocks(height, width):
         return np.kron(rng.uniform(0, 255, (height // 4, width // 4)), np.ones((4, 4)))

@@ -8,7 +8,6 @@ import os
 import sys
 import tempfile
 import traceback
-import warnings
 from typing import Any
 
 import click
@@ -28,7 +27,7 @@ DEFAULT = "stitch"
 EXAMPLE = """\b
 panostitch a.jpg b.jpg -o out.jpg        the panorama of two photos
 panostitch photos/ -o out.jpg            of all photos in a folder
-panostitch photos/ -o out.jpg --debug-dir why/    with a picture of every stage"""
+panostitch photos/ -o out.jpg --debug-dir why/   and a picture of every stage"""
 
 
 class Commands(click.Group):
@@ -79,8 +78,6 @@ def main() -> None:
 
 def run(arguments: list[str]) -> int:
     """Run the command line on these arguments; the exit code. Errors are said, never raised."""
-    # damaged metadata are ignored, as they should be; Pillow need not say so in between
-    warnings.filterwarnings("ignore", module=r"PIL\..*")
     try:
         code: Any = cli.main(arguments, prog_name="panostitch", standalone_mode=False)
     except click.ClickException as error:

@@ -59,7 +59,7 @@ def make_plan(
     extended = extend(labels)
     owned = [_piece(n, layer, extended, small.region) for n, layer in exposed]
     composite, _ = hard_composite(owned, covered.shape)
-    correction = BLENDERS[options.blender].correct(owned, composite, small, factor)
+    correction = BLENDERS[options.blender].correct(owned, extended, composite, small, factor)
     kept, reason = choose_crop(covered, crop)
     unexposed, _ = hard_composite([_piece(n, layer, extended, small.region) for n, layer in pieces], covered.shape)
     trace("compositing.exposed", photos=alignment.photos, gains=factors, before=unexposed, after=composite)

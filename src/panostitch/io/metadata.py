@@ -1,6 +1,7 @@
 """What the header of a photo says: size, orientation, lens."""
 
 import math
+import struct
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,7 +51,10 @@ def _exif(image: Image) -> Exif:
     if image.format == "TIFF":
         return image.getexif()
     exif = Exif()
-    exif.load(image.info.get("exif", b""))
+    try:
+        exif.load(image.info.get("exif", b""))
+    except (SyntaxError, ValueError, OSError, struct.error):
+        return Exif()  # damaged beyond use
     return exif
 
 

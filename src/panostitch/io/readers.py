@@ -6,6 +6,7 @@ Pillow reads headers and all formats but ordinary JPEG, which OpenCV decodes twi
 import os
 import re
 import struct
+import warnings
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -108,8 +109,10 @@ def open_photo(path: str | os.PathLike[str]) -> Photo:
     if os.path.isdir(name):
         raise InputError(f"{name}: is a folder", hint="to stitch every sub-folder of a folder, use `panostitch batch`")
     try:
-        with Image.open(name, formats=FORMATS) as image:
-            metadata = read_metadata(image)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of Pillow, at tags that are damaged, and ignored
+            with Image.open(name, formats=FORMATS) as image:
+                metadata = read_metadata(image)
     except UnidentifiedImageError:
         raise InputError(f"{name}: not a picture", hint=f"known are {', '.join(FORMATS)}") from None
     except READ_FAILURES as error:

@@ -11,29 +11,33 @@ from math import floor, log2
 import cv2
 import numpy as np
 
-from panostitch.compositing.blend.pieces import Floats, Piece, fill
+from panostitch.compositing.blend.pieces import Floats, Labels, Piece, fill
 from panostitch.model.canvas import Canvas
 
-# Weights at the reduced size are the seams as `pyrDown` would have left them: its kernel has variance 1 at each
-# level, 1/4 + 1/16 + ... = 1/3 in pixels of the last.
-REDUCED_SPREAD = float(np.sqrt(1 / 3))
+# Repeated `pyrDown` smooths by a cubic B-spline. Weights at the reduced size are what it leaves of seams between whole
+# reduced pixels: the spline integrated over a pixel.
+REDUCED_KERNEL = np.array([1, 76, 230, 76, 1], np.float32) / 384
+# `pyrUp` in the tiles smooths by the same spline, of variance 1/3; the correction is enlarged bilinearly, which has 1/6.
+ENLARGED_KERNEL = np.array([1, 10, 1], np.float32) / 12
 COARSEST = 4  # the lowest band of the smallest photo is this many pixels wide
 HALO = 3  # times 2^levels: what lies farther away changes a pixel by less than 0.0001 of a grey level
 
 
-def correct(pieces: Sequence[Piece], composite: Floats, canvas: Canvas, factor: int) -> Floats:
+def correct(pieces: Sequence[Piece], labels: Labels, composite: Floats, canvas: Canvas, factor: int) -> Floats:
     """Low bands of the blend minus what the tiles make of them, (h, w, 3) on the reduced canvas."""
     sides = [min(piece.mask.shape) for piece in pieces if piece.mask.any()]
     levels = max(0, floor(log2(max(1, min(sides, default=1) / COARSEST))))
     linear, bands = np.zeros_like(composite), _Bands(composite.shape[:2], levels, wraps=canvas.wraps)
     for photo in sorted({piece.photo for piece in pieces}):
-        own = [piece for piece in pieces if piece.photo == photo]
-        if not any(piece.owns.any() for piece in own):
+        owns = np.asarray(labels == photo, np.float32)
+        if not owns.any():
             continue
-        pixels, weight = _continued(own, composite), _weight(own, composite.shape[:2], factor)
+        pixels = _continued([piece for piece in pieces if piece.photo == photo], composite)
+        weight = _smoothed(owns, REDUCED_KERNEL) if factor > 1 else owns
         linear += weight[..., None] * pixels
         bands.add(pixels, weight)
-    return bands.collapse() - linear
+    correction = bands.collapse() - linear
+    return _smoothed(correction, ENLARGED_KERNEL) if factor > 1 else correction
 
 
 def join(pieces: Sequence[Piece], composite: Floats, factor: int) -> Floats:
@@ -43,7 +47,7 @@ def join(pieces: Sequence[Piece], composite: Floats, factor: int) -> Floats:
         return composite
     bands = _Bands(composite.shape[:2], factor.bit_length() - 1, wraps=False)
     for piece in owners:
-        bands.add(piece.pixels, _weight([piece], composite.shape[:2], 1))
+        bands.add(piece.pixels, np.asarray(piece.owns, np.float32))
     return bands.collapse()
 
 
@@ -52,14 +56,8 @@ def reach(factor: int) -> int:
     return HALO if factor > 1 else 0
 
 
-def _weight(own: Sequence[Piece], shape: tuple[int, ...], factor: int) -> Floats:
-    """Share (h, w) of a photo in each pixel before any blending; over all photos they sum to one."""
-    owns = np.zeros(shape, np.float32)
-    for piece in own:
-        owns[piece.place][piece.owns] = 1
-    if factor == 1:
-        return owns
-    return np.asarray(cv2.GaussianBlur(owns, (0, 0), REDUCED_SPREAD, borderType=cv2.BORDER_REPLICATE), np.float32)
+def _smoothed(array: Floats, kernel: Floats) -> Floats:
+    return np.asarray(cv2.sepFilter2D(array, -1, kernel, kernel, borderType=cv2.BORDER_REPLICATE), np.float32)
 
 
 def _continued(own: Sequence[Piece], composite: Floats) -> Floats:

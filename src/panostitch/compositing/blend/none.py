@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from panostitch.compositing.blend.pieces import Floats, Piece
+from panostitch.compositing.blend.pieces import Floats, Labels, Piece
 from panostitch.model.canvas import Canvas
 
 
-def correct(pieces: Sequence[Piece], composite: Floats, canvas: Canvas, factor: int) -> Floats:
+def correct(pieces: Sequence[Piece], labels: Labels, composite: Floats, canvas: Canvas, factor: int) -> Floats:
     """No correction."""
-    del pieces, canvas, factor
+    del pieces, labels, canvas, factor
     return np.zeros_like(composite)
 
 

@@ -11,6 +11,7 @@ from panostitch.model.canvas import Canvas
 
 Floats = NDArray[np.float32]
 Booleans = NDArray[np.bool_]
+Labels = NDArray[np.int16]
 
 
 @dataclass(frozen=True)
@@ -31,8 +32,9 @@ class Piece:
     owns: Booleans
 
 
-# From pieces and the hard composite (h, w, 3), all on the reduced canvas, and the factor of the reduction.
-Correct = Callable[[Sequence[Piece], Floats, Canvas, int], Floats]
+# From pieces, labels (h, w) without a gap and the hard composite (h, w, 3), all on the reduced canvas, and the factor
+# of the reduction.
+Correct = Callable[[Sequence[Piece], Labels, Floats, Canvas, int], Floats]
 # From pieces and the hard composite (h, w, 3) of a tile, and the factor of the reduction.
 Join = Callable[[Sequence[Piece], Floats, int], Floats]
 
