@@ -27,11 +27,12 @@ demo: $(VENV)/base ## stitch a sample; says where the panorama and the debug pic
 	@echo "panorama:       $(CURDIR)/$(DEMO)/hall.jpg"
 	@echo "debug pictures: $(CURDIR)/$(DEMO)/hall-stages"
 
-check: $(VENV)/dev ## format, lint, types, import contract
+check: $(VENV)/dev ## format, lint, types, import contract, reference pages
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python docs/make_reference.py --check
 
 test: $(VENV)/dev ## the tests that take minutes, not hours
 	$(BIN)/python -m pytest

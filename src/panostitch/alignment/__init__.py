@@ -76,10 +76,9 @@ def align_group(
         fit.rms,
         fit.p95,
         choice.reason,
+        tuple(_summary(cameras, thinned(link)) for link in links if link not in fit.links),
     )
-    dropped = [link for link in links if link not in fit.links]
     trace("alignment.solved", alignment=alignment, residuals={"rms": fit.rms, "p95": fit.p95}, history=[])
-    trace("alignment.dropped", photos=photos, links=dropped)
     return alignment
 
 

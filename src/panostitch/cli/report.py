@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from panostitch.errors import EXIT_LEFT_OUT, EXIT_OK, PanostitchError
-from panostitch.model.alignment import Alignment, LeftOut
+from panostitch.model.alignment import Alignment, LeftOut, LinkSummary
 from panostitch.model.panorama import Panorama
 
 
@@ -43,6 +43,7 @@ def say_alignment(alignment: Alignment, *, verbose: int) -> None:
             say(f"note: {photo.name}: {note}")
     if verbose:
         _say_cameras(alignment)
+        _say_dropped(alignment)
     for left_out in alignment.left_out:
         _say_left_out(left_out)
 
@@ -51,8 +52,19 @@ def _say_cameras(alignment: Alignment) -> None:
     for photo, camera in zip(alignment.photos, alignment.cameras, strict=True):
         say(f"  {photo.name}: focal length {camera.focal:.1f} px, k1 {camera.k1:+.4f}, k2 {camera.k2:+.4f}")
     for link in alignment.links:
-        names = f"{alignment.photos[link.i].name} - {alignment.photos[link.j].name}"
-        say(f"  {names}: {link.matches} matches, {link.rms:.2f} px rms")
+        say(f"  {_names(alignment, link)}: {link.matches} matches, {link.rms:.2f} px rms")
+
+
+def _say_dropped(alignment: Alignment) -> None:
+    for link in alignment.dropped:
+        say(
+            f"dropped: {_names(alignment, link)}: {link.matches} matches agree with each other, but are "
+            f"{link.rms:.0f} px off from where all other photos put them"
+        )
+
+
+def _names(alignment: Alignment, link: LinkSummary) -> str:
+    return f"{alignment.photos[link.i].name} - {alignment.photos[link.j].name}"
 
 
 def _say_left_out(photo: LeftOut) -> None:

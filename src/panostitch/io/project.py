@@ -37,6 +37,7 @@ def read_project(path: str) -> Alignment:
             photos=tuple(_photo(entry, os.path.dirname(path)) for entry in data["photos"]),
             cameras=tuple(camera_from_json(entry) for entry in data["photos"]),
             links=tuple(LinkSummary(**link) for link in data["links"]),
+            dropped=tuple(LinkSummary(**link) for link in data["dropped"]),
             left_out=tuple(LeftOut(p["name"], p["reason"], tuple(p["details"]), p["hint"]) for p in data["left_out"]),
             rms=float(data["rms"]),
             p95=float(data["p95"]),

@@ -39,6 +39,7 @@ class Alignment:
     model:    what the photos were taken to be: views from one point (rotation) or of a flat subject (homography)
     photos, cameras: in the same order
     links:    the pairs that hold it together
+    dropped:  pairs that matched, but contradict all others
     left_out: photos that were given but are not part of it
     rms, p95: of the distance of matched points under the cameras, full-resolution px
     reason:   why this model was taken, one sentence
@@ -52,6 +53,7 @@ class Alignment:
     rms: float
     p95: float
     reason: str = ""
+    dropped: tuple[LinkSummary, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The content of a project file; paths as the photos have them."""
@@ -76,6 +78,7 @@ class Alignment:
                 for photo, camera in zip(self.photos, self.cameras, strict=True)
             ],
             "links": [vars(link) for link in self.links],
+            "dropped": [vars(link) for link in self.dropped],
             "left_out": [vars(photo) for photo in self.left_out],
         }
 
