@@ -67,6 +67,7 @@ def align_group(
     cameras = fit.cameras
     if choice.model == "rotation" and options.straighten == "auto":
         cameras = straighten(cameras)
+    kept = {(link.i, link.j) for link in fit.links}
     alignment = Alignment(
         choice.model,
         tuple(photos),
@@ -76,7 +77,7 @@ def align_group(
         fit.rms,
         fit.p95,
         choice.reason,
-        tuple(_summary(cameras, thinned(link)) for link in links if link not in fit.links),
+        tuple(_summary(cameras, thinned(link)) for link in links if (link.i, link.j) not in kept),
     )
     trace("alignment.solved", alignment=alignment, residuals={"rms": fit.rms, "p95": fit.p95}, history=[])
     return alignment

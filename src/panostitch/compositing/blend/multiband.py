@@ -17,7 +17,7 @@ from panostitch.model.canvas import Canvas
 # Repeated `pyrDown` smooths by a cubic B-spline. Weights at the reduced size are what it leaves of seams between whole
 # reduced pixels: the spline integrated over a pixel.
 REDUCED_KERNEL = np.array([1, 76, 230, 76, 1], np.float32) / np.float32(384)
-# `pyrUp` in the tiles smooths by the same spline, of variance 1/3; the correction is enlarged bilinearly, which has 1/6.
+# `pyrUp` in the tiles smooths by the same spline, of variance 1/3; the correction is enlarged bilinearly, by 1/6 only.
 ENLARGED_KERNEL = np.array([1, 10, 1], np.float32) / np.float32(12)
 COARSEST = 4  # the lowest band of the smallest photo is this many pixels wide
 HALO = 3  # times 2^levels: what lies farther away changes a pixel by less than 0.0001 of a grey level
