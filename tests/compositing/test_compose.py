@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from compositing.mosaics import alignment_of, panorama_of, shifted
-from panostitch.compositing import plan
+from panostitch.compositing import lay_out, layout, plan
 from panostitch.io.writers import assemble
 from panostitch.model.canvas import Region
 from panostitch.options import CompositingOptions, LayoutOptions
@@ -21,7 +21,8 @@ TILED = 0.1
 # Share of bytes that may differ by one level between tiles and the whole. 2e-4 seen.
 TILED_BYTES = 2e-3
 
-# Grey levels; a picture cut into pieces that overlap widely comes back. 0.9 seen.
+# Grey levels; a picture cut into pieces that overlap by two thirds comes back: 0.7 seen. (Where they overlap less, the
+# lowest bands reach beyond the overlap and into what is made up there: up to 5 levels.)
 IDENTITY = 1.0
 
 # Steps of +-0.3 EV in the light: 10 % of encoded brightness. What is left of the planted ratios, see contracts.
@@ -63,10 +64,11 @@ def ring(scene):
 
 def at_factor(monkeypatch, alignment, factor, **options):
     """A panorama whose plan is reduced by this factor."""
-    layout = LayoutOptions(crop="none")
-    area = panorama_of(alignment, layout=layout, compositing=CompositingOptions(seams="voronoi")).canvas.region.area
+    monkeypatch.setattr(layout, "GRID", 101)  # test_layout.py tells why
+    uncropped = LayoutOptions(crop="none")
+    area = lay_out(alignment, uncropped).region.area
     monkeypatch.setattr(plan, "PLAN_PIXELS", 1.02 * area / factor**2)
-    made = panorama_of(alignment, layout=layout, compositing=CompositingOptions(**options))
+    made = panorama_of(alignment, layout=uncropped, compositing=CompositingOptions(**options))
     assert made.plan.factor == factor
     return made
 
@@ -153,10 +155,10 @@ def test_uncovered_pixels_are_black_and_masked(row, monkeypatch):
 def test_a_picture_in_pieces_comes_back(views, monkeypatch, factor):
     picture = views[0]
     pieces, cameras = [], []
-    for y in (0, 100):
-        for x in (0, 140):
-            pieces.append(picture[y : y + 200, x : x + 260])
-            cameras.append(shifted((260, 200), x, y))
+    for y in (0, 60):
+        for x in (0, 100):
+            pieces.append(picture[y : y + 240, x : x + 300])
+            cameras.append(shifted((300, 240), x, y))
     panorama = at_factor(monkeypatch, alignment_of(cameras, pieces, model="homography"), factor)
     left, top = (-int(v) for v in panorama.canvas.origin)
 
@@ -204,7 +206,7 @@ def test_the_rendered_plane_is_cv2_s_warp_of_the_photo(views):
 WARP_PERSPECTIVE = (4.0, 0.6)
 
 
-def brightness_steps(alignment, gains):
+def brightness_steps(gains):
     """Largest ratio of what neighbours in the row show after these gains."""
     factors = np.array([2 ** (e / 2.2) for e in (EV, -EV, EV)]) * gains
     return np.abs(np.diff(np.log(factors))).max()
@@ -213,7 +215,7 @@ def brightness_steps(alignment, gains):
 def test_planted_exposure_steps_shrink(row):
     gains = panorama_of(row).plan.gains
 
-    assert brightness_steps(row, gains) < LEFT * brightness_steps(row, np.ones(3))
+    assert brightness_steps(gains) < LEFT * brightness_steps(np.ones(3))
     assert panorama_of(row, compositing=CompositingOptions(exposure="none")).plan.gains.tolist() == [1, 1, 1]
 
 

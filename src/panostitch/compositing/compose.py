@@ -1,4 +1,4 @@
-"""A region of the panorama at full size: warp, gain, seams, fine bands, correction."""
+"""A region of the panorama at full size: warp, gain, seams, fine bands over what the low bands change."""
 
 from functools import partial
 from typing import TypeVar
@@ -18,6 +18,7 @@ from panostitch.options import CompositingOptions
 
 Number = TypeVar("Number", bound=np.generic)
 
+EDGE = 8  # px of the reduced canvas by which a change goes on beyond its photo's footprint, for the halo of tiles
 LABEL_MARGIN = 2  # px of the reduced canvas around a tile, so that enlarging needs no edge
 
 
@@ -29,8 +30,8 @@ def compose(
     tile = region.grown(blender.reach(plan.factor) * plan.factor, multiple=plan.factor)
     pieces = _pieces(alignment, canvas, plan, decoded, tile)
     composite, covered = hard_composite(pieces, (tile.height, tile.width))
-    blended = blender.join(pieces, composite, plan.factor)
-    blended = blended + _enlarged(plan.correction, plan, canvas, tile)
+    changes = [_change(plan, canvas, piece.photo, tile) for piece in pieces]
+    blended = blender.join(pieces, changes, composite, plan.factor)
     inner = region.within(tile)
     mask = covered[inner]
     return Layer(region, np.where(mask[..., None], blended[inner], 0).astype(np.float32), mask)
@@ -80,8 +81,26 @@ def _lookup(array: NDArray[Number], plan: Plan, canvas: Canvas, tile: Region) ->
     return np.asarray(array[np.ix_(rows, columns)], array.dtype)
 
 
-def _enlarged(array: Floats, plan: Plan, canvas: Canvas, tile: Region) -> Floats:
-    return _enlarge(np.asarray(_lookup(array, plan, canvas, tile), np.float32), plan.factor)
+def _change(plan: Plan, canvas: Canvas, photo: int, tile: Region) -> Floats:
+    """What the low bands change in a photo, at every `factor`-th pixel of a tile."""
+    small = tile.divided(plan.factor)
+    wide = Region(small.x - 1, small.y - 1, small.width + 1, small.height + 1)
+    found = np.zeros((wide.height, wide.width, 3), np.float32)
+    turns = (-1, 0, 1) if canvas.wraps else (0,)
+    width = canvas.size[0] // plan.factor
+    # edges first: where a photo goes on across the edge of a full turn, its own pixels then count
+    for margin in (EDGE, 0):
+        for region, change in plan.changes[photo]:
+            padded = np.pad(change, ((margin, margin), (margin, margin), (0, 0)), mode="edge")
+            for turn in turns:
+                place = region.grown(margin).moved(turn * width)
+                common = wide & place
+                if common:
+                    found[common.within(wide)] = padded[common.within(place)]
+    # the middle of a reduced pixel lies (factor - 1) / 2 px from its first pixel
+    back = np.float32((plan.factor - 1) / (2 * plan.factor))
+    found = found[:, 1:] * (1 - back) + found[:, :-1] * back
+    return np.asarray(found[1:] * (1 - back) + found[:-1] * back, np.float32)
 
 
 def _enlarge(small: Floats, factor: int) -> Floats:

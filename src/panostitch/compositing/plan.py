@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from panostitch.compositing.blend import BLENDERS
-from panostitch.compositing.blend.pieces import Piece, hard_composite
+from panostitch.compositing.blend.pieces import Piece, fill, hard_composite
 from panostitch.compositing.crop import choose_crop
 from panostitch.compositing.exposure import EXPOSURE, expose
 from panostitch.compositing.seams import SEAMS, extend
@@ -59,14 +59,16 @@ def make_plan(
     extended = extend(labels)
     owned = [_piece(n, layer, extended, small.region) for n, layer in exposed]
     composite, _ = hard_composite(owned, covered.shape)
-    correction = BLENDERS[options.blender].correct(owned, extended, composite, small, factor)
+    blended = BLENDERS[options.blender].blend_reduced(owned, extended, composite, small, factor)
+    picture = composite if blended is None else blended
     kept, reason = choose_crop(covered, crop)
     unexposed, _ = hard_composite([_piece(n, layer, extended, small.region) for n, layer in pieces], covered.shape)
     trace("compositing.exposed", photos=alignment.photos, gains=factors, before=unexposed, after=composite)
     trace("compositing.seamed", labels=labels, picture=composite, names=[p.name for p in alignment.photos])
-    _trace_bands(composite + correction, trace)
-    trace("compositing.cropped", picture=composite + correction, coverage=covered, crop=kept, reason=reason)
-    return Plan(factors, factor, extended, correction, places, kept.times(factor) & canvas.region, reason)
+    _trace_bands(picture, trace)
+    trace("compositing.cropped", picture=picture, coverage=covered, crop=kept, reason=reason)
+    changes = _changes(count, exposed, blended, small)
+    return Plan(factors, factor, extended, changes, places, kept.times(factor) & canvas.region, reason)
 
 
 def _warp_all(
@@ -94,6 +96,20 @@ def _exposed(layer: Layer, factor: float) -> Layer:
 def _piece(photo: int, layer: Layer, labels: NDArray[np.int16], whole: Region) -> Piece:
     place = layer.region.within(whole)
     return Piece(photo, place, layer.pixels, layer.mask, labels[place] == photo)
+
+
+def _changes(
+    count: int, exposed: Placed, blended: NDArray[np.float32] | None, small: Canvas
+) -> tuple[tuple[tuple[Region, NDArray[np.float32]], ...], ...]:
+    """For each photo what blending on the reduced canvas changes in it, where it may show."""
+    if blended is None:
+        return ((),) * count
+    changes: list[list[tuple[Region, NDArray[np.float32]]]] = [[] for _ in range(count)]
+    for n, layer in exposed:
+        change = blended[layer.region.within(small.region)] - layer.pixels
+        # beyond the photo's edge there is nothing to compare: what the edge has goes on
+        changes[n].append((layer.region, fill(change * layer.mask[..., None], layer.mask)))
+    return tuple(map(tuple, changes))
 
 
 def _trace_bands(picture: NDArray[np.float32], trace: Trace, levels: int = 5) -> None:

@@ -50,6 +50,10 @@ class Region:
             slice(self.x - outer.x, self.right - outer.x),
         )
 
+    def moved(self, right: int) -> "Region":
+        """The region so many pixels further right."""
+        return Region(self.x + right, self.y, self.width, self.height)
+
     def tiles(self, side: int) -> list["Region"]:
         """This region cut into pieces of at most `side` x `side`, row by row."""
         return [

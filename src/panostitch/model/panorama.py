@@ -18,7 +18,8 @@ class Plan:
     gains:      (n,) factor on each photo's encoded pixels
     factor:     canvas px in a pixel of the arrays below: a power of two
     labels:     (h, w) int16, which photo owns the pixel; NOBODY outside all photos
-    correction: (h, w, 3) float32, the low bands of the blend minus what hard seams give
+    changes:    for each photo, on its footprints: (h, w, 3) float32, what the blend of the low bands adds to it; empty
+                where nothing is blended on the reduced canvas
     footprints: for each photo the region of the reduced canvas that it may touch
     crop:       the part of the canvas that is written
     crop_reason: why, one sentence
@@ -27,7 +28,7 @@ class Plan:
     gains: NDArray[np.float64]
     factor: int
     labels: NDArray[np.int16]
-    correction: NDArray[np.float32]
+    changes: tuple[tuple[tuple[Region, NDArray[np.float32]], ...], ...]
     footprints: tuple[tuple[Region, ...], ...]
     crop: Region
     crop_reason: str

@@ -1,8 +1,8 @@
 """Multi-band blending (Burt & Adelson 1983; Brown & Lowe 2007, section 7), in two scales.
 
-Fine bands, up to the factor of the reduced canvas, are blended in each tile: they reach only a few pixels. All lower
-bands are blended once, on the reduced canvas; what they change against a blend of the fine bands alone is the
-correction of the plan, smooth and zero where only one photo matters. Far from seams a pixel is its photo's pixel.
+All low bands are blended once, on the reduced canvas. What that changes in a photo is smooth, and zero where only one
+photo matters. Fine bands, up to the factor of the reduction, reach only a few pixels: they are blended in each tile,
+after the change has been added to the lowest level of each photo. Far from seams a pixel is its photo's pixel.
 """
 
 from collections.abc import Sequence
@@ -17,38 +17,40 @@ from panostitch.model.canvas import Canvas
 # Repeated `pyrDown` smooths by a cubic B-spline. Weights at the reduced size are what it leaves of seams between whole
 # reduced pixels: the spline integrated over a pixel.
 REDUCED_KERNEL = np.array([1, 76, 230, 76, 1], np.float32) / np.float32(384)
-# `pyrUp` in the tiles smooths by the same spline, of variance 1/3; the correction is enlarged bilinearly, by 1/6 only.
-ENLARGED_KERNEL = np.array([1, 10, 1], np.float32) / np.float32(12)
 COARSEST = 4  # the lowest band of the smallest photo is this many pixels wide
 HALO = 3  # times 2^levels: what lies farther away changes a pixel by less than 0.0001 of a grey level
 
 
-def correct(pieces: Sequence[Piece], labels: Labels, composite: Floats, canvas: Canvas, factor: int) -> Floats:
-    """Low bands of the blend minus what the tiles make of them, (h, w, 3) on the reduced canvas."""
+def blend_reduced(pieces: Sequence[Piece], labels: Labels, composite: Floats, canvas: Canvas, factor: int) -> Floats:
+    """The picture (h, w, 3) blended in all bands that the reduced canvas has."""
     sides = [min(piece.mask.shape) for piece in pieces if piece.mask.any()]
     levels = max(0, floor(log2(max(1, min(sides, default=1) / COARSEST))))
-    linear, bands = np.zeros_like(composite), _Bands(composite.shape[:2], levels, wraps=canvas.wraps)
+    bands = _Bands(composite.shape[:2], levels, wraps=canvas.wraps)
     for photo in sorted({piece.photo for piece in pieces}):
-        owns = np.asarray(labels == photo, np.float32)
-        if not owns.any():
-            continue
-        pixels = _continued([piece for piece in pieces if piece.photo == photo], composite)
-        weight = _smoothed(owns, REDUCED_KERNEL) if factor > 1 else owns
-        linear += weight[..., None] * pixels
-        bands.add(pixels, weight)
-    correction = bands.collapse() - linear
-    return _smoothed(correction, ENLARGED_KERNEL) if factor > 1 else correction
-
-
-def join(pieces: Sequence[Piece], composite: Floats, factor: int) -> Floats:
-    """Fine bands of a tile (h, w, 3); its sides must be multiples of the factor."""
-    owners = [piece for piece in pieces if piece.owns.any()]
-    if factor == 1 or len(owners) < 2:
-        return composite
-    bands = _Bands(composite.shape[:2], factor.bit_length() - 1, wraps=False)
-    for piece in owners:
-        bands.add(piece.pixels, np.asarray(piece.owns, np.float32))
+        weight = np.asarray(labels == photo, np.float32)
+        if weight.any():
+            own = [piece for piece in pieces if piece.photo == photo]
+            bands.add(_continued(own, composite), _smoothed(weight) if factor > 1 else weight)
     return bands.collapse()
+
+
+def join(pieces: Sequence[Piece], changes: Sequence[Floats], composite: Floats, factor: int) -> Floats:
+    """Fine bands of a tile (h, w, 3) over the blended low ones; its sides must be multiples of the factor."""
+    levels = factor.bit_length() - 1
+    owners = [(piece, change) for piece, change in zip(pieces, changes, strict=True) if piece.owns.any()]
+    if len(owners) == 1:
+        return composite + _enlarged(owners[0][1], levels)
+    bands = _Bands(composite.shape[:2], levels, wraps=False)
+    for piece, change in owners:
+        bands.add(piece.pixels, np.asarray(piece.owns, np.float32), change)
+    return bands.collapse()
+
+
+def _enlarged(change: Floats, levels: int) -> Floats:
+    """As the lowest level of a pyramid comes out of it."""
+    for _ in range(levels):
+        change = np.asarray(cv2.pyrUp(change), np.float32)
+    return change
 
 
 def reach(factor: int) -> int:
@@ -56,8 +58,9 @@ def reach(factor: int) -> int:
     return HALO if factor > 1 else 0
 
 
-def _smoothed(array: Floats, kernel: Floats) -> Floats:
-    return np.asarray(cv2.sepFilter2D(array, -1, kernel, kernel, borderType=cv2.BORDER_REPLICATE), np.float32)
+def _smoothed(weight: Floats) -> Floats:
+    smooth = cv2.sepFilter2D(weight, -1, REDUCED_KERNEL, REDUCED_KERNEL, borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(smooth, np.float32)
 
 
 def _continued(own: Sequence[Piece], composite: Floats) -> Floats:
@@ -89,12 +92,16 @@ class _Bands:
         self._sum: list[Floats] = []
         self._levels = levels
 
-    def add(self, photo: Floats, weight: Floats) -> None:
-        """Add a photo (h, w, 3) with its weights (h, w); the weights of all photos sum to one."""
+    def add(self, photo: Floats, weight: Floats, change: Floats | None = None) -> None:
+        """Add a photo (h, w, 3) with its weights (h, w); the weights of all photos sum to one.
+
+        `change` is added to the photo's lowest level, whose size it has.
+        """
         bands = _weighted_bands(
             _framed(photo, self._frame, wraps=self._wraps),
             _framed(weight, self._frame, wraps=self._wraps),
             self._levels,
+            change,
         )
         for level, band in enumerate(bands):
             if level == len(self._sum):
@@ -117,12 +124,12 @@ def _framed(array: Floats, frame: tuple[tuple[int, int], tuple[int, int]], *, wr
     return np.asarray(np.pad(framed, (frame[0], (0, 0), *rest), mode="edge"), np.float32)
 
 
-def _weighted_bands(photo: Floats, weight: Floats, levels: int) -> list[Floats]:
+def _weighted_bands(photo: Floats, weight: Floats, levels: int, change: Floats | None) -> list[Floats]:
     """Laplacian bands of a photo, fine to coarse and last the low-pass, each times the weight of its level."""
     bands = []
     for _ in range(levels):
         smaller = cv2.pyrDown(photo)
         bands.append((photo - cv2.pyrUp(smaller, dstsize=photo.shape[1::-1])) * weight[..., None])
         photo, weight = np.asarray(smaller, np.float32), np.asarray(cv2.pyrDown(weight), np.float32)
-    bands.append(photo * weight[..., None])
+    bands.append((photo if change is None else photo + change) * weight[..., None])
     return [np.asarray(band, np.float32) for band in bands]

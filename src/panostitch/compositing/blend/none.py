@@ -2,21 +2,18 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from panostitch.compositing.blend.pieces import Floats, Labels, Piece
 from panostitch.model.canvas import Canvas
 
 
-def correct(pieces: Sequence[Piece], labels: Labels, composite: Floats, canvas: Canvas, factor: int) -> Floats:
-    """No correction."""
-    del pieces, labels, canvas, factor
-    return np.zeros_like(composite)
+def blend_reduced(pieces: Sequence[Piece], labels: Labels, composite: Floats, canvas: Canvas, factor: int) -> None:
+    """Nothing is blended on the reduced canvas."""
+    del pieces, labels, composite, canvas, factor
 
 
-def join(pieces: Sequence[Piece], composite: Floats, factor: int) -> Floats:
+def join(pieces: Sequence[Piece], changes: Sequence[Floats], composite: Floats, factor: int) -> Floats:
     """The hard composite as it is."""
-    del pieces, factor
+    del pieces, changes, factor
     return composite
 
 

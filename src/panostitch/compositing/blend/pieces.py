@@ -33,10 +33,11 @@ class Piece:
 
 
 # From pieces, labels (h, w) without a gap and the hard composite (h, w, 3), all on the reduced canvas, and the factor
-# of the reduction.
-Correct = Callable[[Sequence[Piece], Labels, Floats, Canvas, int], Floats]
-# From pieces and the hard composite (h, w, 3) of a tile, and the factor of the reduction.
-Join = Callable[[Sequence[Piece], Floats, int], Floats]
+# of the reduction, to the blended picture (h, w, 3); None where a blender does nothing there.
+BlendReduced = Callable[[Sequence[Piece], Labels, Floats, Canvas, int], Floats | None]
+# From the pieces of a tile, the change (h / factor, w / factor, 3) of each, the hard composite (h, w, 3) and the factor
+# to the pixels (h, w, 3). Change (i, j) belongs to the tile's pixel (factor i, factor j), as in `cv2.pyrDown`.
+Join = Callable[[Sequence[Piece], Sequence[Floats], Floats, int], Floats]
 
 
 def hard_composite(pieces: Sequence[Piece], shape: tuple[int, int]) -> tuple[Floats, Booleans]:
