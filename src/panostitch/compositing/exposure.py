@@ -13,6 +13,7 @@ from panostitch.model.canvas import Layer
 
 Floats = NDArray[np.float64]
 
+WHITE = np.float32(255)
 DARK, BRIGHT = 8.0, 247.0  # grey levels outside of which a pixel says nothing of the exposure
 MIN_SAMPLES = 30  # px of the reduced canvas
 RATIO_SPREAD = 0.05  # of the log ratio of two photos in their overlap: how far it is trusted
@@ -42,7 +43,10 @@ def expose(pixels: NDArray[np.float32], gain: float) -> NDArray[np.float32]:
     """Pixels (h, w, 3) in 0..255 times a gain; what would be brighter than white keeps its hue."""
     exposed = pixels * np.float32(gain)
     if gain > 1:
-        exposed *= (np.float32(255) / np.maximum(exposed.max(axis=2), np.float32(255)))[..., None]
+        # three maxima of planes: NumPy is slow along an axis of three
+        brightest = np.maximum(np.maximum(exposed[..., 0], exposed[..., 1]), exposed[..., 2])
+        if brightest.max(initial=0) > WHITE:
+            exposed *= (WHITE / np.maximum(brightest, WHITE))[..., None]
     return exposed
 
 
