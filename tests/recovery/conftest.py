@@ -1,7 +1,8 @@
 """Photos of made-up worlds with known cameras, taken once for all tests of this folder."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -50,6 +51,26 @@ def elsewhere() -> Known:
     cameras = small_row(3)
     named = photograph_plan(scene, cameras, supersample=1)
     return Known(scene, cameras, [Photo(f"other_{n}", p.size, p.source) for n, p in enumerate(named)])
+
+
+@pytest.fixture(scope="session")
+def house() -> Known:
+    """Three photos of a world whose middle is a wall of tiles all alike; above and below it each thing is unique."""
+    rng = np.random.default_rng(0)
+    texture = procedural_texture(2048, 1024, seed=20)
+    tile = cv2.GaussianBlur(np.kron(rng.uniform(0, 255, (8, 8)), np.ones((8, 8))), (0, 0), 1.5)
+    wall = np.tile(tile[..., None], (16, 32, 3)).astype(np.uint8)
+    texture[512 - 75 : 512 + 76] = wall[512 - 75 : 512 + 76]
+    scene, cameras = sphere_scene(texture), small_row(3)
+    return Known(scene, cameras, photograph_plan(scene, cameras, noise=3.0, rng=rng, supersample=1))
+
+
+@pytest.fixture(scope="session")
+def barrel() -> Known:
+    """Four photos of 400 x 300 through a lens with strong barrel distortion."""
+    scene = sphere_scene(procedural_texture(2048, 1024, seed=11))
+    cameras = [replace(camera, k1=-0.12, k2=0.02) for camera in small_row()]
+    return Known(scene, cameras, photograph_plan(scene, cameras, supersample=1))
 
 
 @pytest.fixture(scope="session")

@@ -39,9 +39,10 @@ DETECTORS: dict[str, Callable[[NDArray[np.uint8], int], Described]] = {
     "akaze": opencv.akaze,
 }
 
-# All but SIFT, which doubles the picture itself, find more and better placed points in a small photo when it is
-# enlarged first.
-MAX_ENLARGEMENT = {"sift": 2.0, "surf": 2.0, "orb": 2.0, "akaze": 2.0}
+# Small photos are enlarged, at most twice and up to so many megapixels: more key points, and better placed ones. SIFT
+# needs it least, since it doubles every picture itself.
+MAX_ENLARGEMENT = 2.0
+ENLARGED_UP_TO = {"sift": 0.4, "surf": 1.0, "orb": 1.0, "akaze": 1.0}
 
 MASK_MARGIN = 8  # working px next to transparency where a corner would be the mask's own
 
@@ -95,7 +96,8 @@ def _working_picture(photo: Photo, options: FeatureOptions) -> tuple[NDArray[np.
     if mask is not None:
         kernel = np.ones((2 * MASK_MARGIN + 1, 2 * MASK_MARGIN + 1), np.uint8)
         mask = np.asarray(cv2.erode(mask, kernel), np.uint8)
-    enlargement = min(scale, MAX_ENLARGEMENT[options.detector])
+    wanted = min(options.work_megapixels, ENLARGED_UP_TO[options.detector])
+    enlargement = min(float(np.sqrt(wanted / photo.megapixels)), MAX_ENLARGEMENT)
     if enlargement > 1:
         size = round(photo.size[0] * enlargement), round(photo.size[1] * enlargement)
         grey = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_CUBIC), np.uint8)

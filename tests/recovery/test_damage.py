@@ -1,0 +1,277 @@
+"""Damage to the program is noticed: each damage breaks the very bound that the healthy program keeps.
+
+Every test here does one thing wrong on purpose and asks the verdict of test_recovery.py.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from panostitch import features, pipeline
+from panostitch.alignment import initialise, residuals
+from panostitch.compositing import exposure, lay_out, make_plan, plan, warp
+from panostitch.compositing.blend import multiband
+from panostitch.errors import AlignmentError, NoOverlapError
+from panostitch.geometry import lens
+from panostitch.matching import ratio, verify
+from panostitch.model.match import VerifiedMatch
+from panostitch.options import Options
+from panostitch.synthetic.render import photograph_plan
+from recovery.bounds import (
+    BARREL_PX,
+    GAINS_LEFT,
+    HOUSE_PX,
+    SMALL_PX,
+    VIEW_LEVELS,
+    aligned,
+    truth_of,
+    view_error,
+    within,
+)
+
+STEPS = (0.5, -0.5, 0.5, -0.5)  # EV
+ENCODED = 2 ** (np.array(STEPS) / 2.2)  # what they make of the encoded pixels
+
+
+def is_noticed(known, bound, **options):
+    """Whether the headline test would fail: by an error, a photo left out, or cameras that are off."""
+    try:
+        return not within(known, aligned(known, **options), bound)
+    except (AlignmentError, NoOverlapError):
+        return True
+
+
+def test_the_healthy_program_passes(small, house, barrel):
+    assert not is_noticed(small, SMALL_PX)
+    assert not is_noticed(house, HOUSE_PX)
+    assert not is_noticed(barrel, BARREL_PX)
+    assert view_error(small) < VIEW_LEVELS
+    assert view_error(barrel) < VIEW_LEVELS
+
+
+def through(monkeypatch, change):
+    """Every verified link goes through `change` before it reaches the alignment."""
+
+    def changed(*args, **kwargs):
+        links = verify(*args, **kwargs)
+        return [change(link) if isinstance(link, VerifiedMatch) else link for link in links]
+
+    monkeypatch.setattr(pipeline, "verify", changed)
+
+
+LINK_DAMAGES = {
+    "points of i and j exchanged": lambda link: replace(link, xy_i=link.xy_j, xy_j=link.xy_i),
+    "homography the wrong way round": lambda link: replace(
+        link, xy_i=link.xy_j, xy_j=link.xy_i, j_from_i=np.linalg.inv(link.j_from_i)
+    ),
+    "x and y exchanged": lambda link: replace(link, xy_i=link.xy_i[:, ::-1], xy_j=link.xy_j[:, ::-1]),
+    "partners one row off": lambda link: replace(link, xy_j=np.roll(link.xy_j, 1, axis=0)),
+    "one pixel off in photo j": lambda link: replace(link, xy_j=link.xy_j + (1.0, 0.0)),
+}
+
+
+@pytest.mark.parametrize("damage", LINK_DAMAGES)
+def test_damaged_links(small, monkeypatch, damage):
+    through(monkeypatch, LINK_DAMAGES[damage])
+
+    assert is_noticed(small, SMALL_PX)
+
+
+def test_photos_of_a_match_swapped(small, monkeypatch):
+    healthy = pipeline.match
+
+    def swapped(*args, **kwargs):
+        return [replace(match, pairs=match.pairs[:, ::-1]) for match in healthy(*args, **kwargs)]
+
+    monkeypatch.setattr(pipeline, "match", swapped)
+    # pairs name features of the other photo: keep the numbers inside both
+    fewest = 900
+    detect = pipeline.detect
+    monkeypatch.setattr(
+        pipeline, "detect", lambda *args, **kwargs: [f.take(np.arange(fewest)) for f in detect(*args, **kwargs)]
+    )
+
+    assert is_noticed(small, SMALL_PX)
+
+
+def test_cameras_given_to_the_wrong_photos(small):
+    alignment, _ = aligned(small)
+
+    shuffled = replace(alignment, cameras=(*alignment.cameras[1:], alignment.cameras[0]))
+
+    assert view_error(small, replace(truth_of(small), cameras=(*small.cameras[1:], small.cameras[0]))) > VIEW_LEVELS
+    assert shuffled.cameras[0] is alignment.cameras[1]
+
+
+def test_ratio_test_skipped(house, monkeypatch):
+    def without(neighbours, ratio_limit):
+        del ratio_limit
+        return healthy(neighbours, 1.0)
+
+    healthy = ratio.believable
+    monkeypatch.setattr(ratio, "believable", without)
+
+    assert is_noticed(house, HOUSE_PX)
+
+
+def test_mutual_agreement_and_ratio_test_skipped(house, monkeypatch):
+    monkeypatch.setattr(
+        ratio,
+        "believable",
+        lambda neighbours, _: np.column_stack([np.arange(len(neighbours.index)), neighbours.index]).astype(np.int32),
+    )
+
+    assert is_noticed(house, HOUSE_PX)
+
+
+@pytest.mark.parametrize("shift", [(1.0, 0.0), (0.0, 1.0), (-0.5, -0.5)])
+def test_features_shifted(small, monkeypatch, shift):
+    healthy = features.detect_one
+
+    def shifted(photo, options):
+        found = healthy(photo, options)
+        return replace(found, xy=found.xy + np.array(shift, np.float32))
+
+    monkeypatch.setattr(features, "detect_one", shifted)
+
+    assert is_noticed(small, SMALL_PX)
+
+
+@pytest.mark.parametrize("megapixels", [1.0, 0.06])
+def test_half_pixels_forgotten_in_rescaling(small, monkeypatch, megapixels):
+    monkeypatch.setattr(features, "rescale", lambda xy, factor: np.asarray(xy, np.float64) * factor)
+
+    assert is_noticed(small, SMALL_PX, work_megapixels=megapixels)
+
+
+@pytest.mark.parametrize("shift", [(1, 0), (0, 1)])
+def test_warp_shifted_by_a_pixel(small, monkeypatch, shift):
+    healthy = warp.coordinates
+
+    def shifted(*args):
+        x, y, valid = healthy(*args)
+        return x + np.float32(shift[0]), y + np.float32(shift[1]), valid
+
+    monkeypatch.setattr(warp, "coordinates", shifted)
+
+    assert view_error(small) > VIEW_LEVELS
+
+
+def test_half_pixels_forgotten_on_the_grid_of_the_warp(small, monkeypatch):
+    healthy = warp._project_grid
+    half = (warp.STEP - 1) / 2
+    monkeypatch.setattr(
+        warp,
+        "_project_grid",
+        lambda camera, canvas, columns, rows: healthy(camera, canvas, columns - half, rows - half),
+    )
+
+    assert view_error(small) > VIEW_LEVELS
+
+
+def test_lens_bent_the_wrong_way_in_the_adjustment(barrel, monkeypatch):
+    healthy = lens.undistort
+    monkeypatch.setattr(residuals.lens, "undistort", lambda xy, k1, k2: healthy(xy, -np.asarray(k1), -np.asarray(k2)))
+    try:
+        result = aligned(barrel)
+    except (AlignmentError, NoOverlapError):
+        return
+    monkeypatch.undo()  # the truth is judged by a healthy lens
+
+    fresh = replace(barrel)
+    assert not within(fresh, (result[0], _score_again(barrel, result[0])), BARREL_PX)
+
+
+def _score_again(known, alignment):
+    from recovery.bounds import error_of
+
+    return error_of(known, alignment)
+
+
+def test_lens_bent_the_wrong_way_in_the_rendering(barrel):
+    wrong = [replace(camera, k1=-camera.k1, k2=-camera.k2) for camera in barrel.cameras]
+
+    assert view_error(barrel, replace(truth_of(barrel), cameras=tuple(wrong))) > VIEW_LEVELS
+
+
+def test_distortion_forgotten(barrel, monkeypatch):
+    straight = [replace(camera, k1=0.0, k2=0.0) for camera in barrel.cameras]
+
+    assert view_error(barrel, replace(truth_of(barrel), cameras=tuple(straight))) > VIEW_LEVELS
+
+
+def test_focal_lengths_of_the_wrong_photos(small, monkeypatch):
+    healthy = initialise._intrinsics
+    monkeypatch.setattr(initialise, "_intrinsics", lambda photo, focal: healthy(photo, 0.2 * focal))
+
+    alignment, error = aligned(small)
+
+    # a bad start is what the adjustment is there to mend
+    assert within(small, (alignment, error), SMALL_PX)
+
+
+def gains_left(known):
+    """Share of the planted exposure steps that the plan leaves."""
+    photos = photograph_plan(known.scene, known.cameras, exposures=STEPS, supersample=1)
+    options = Options()
+    alignment = truth_of(replace(known, photos=photos))
+    gains = make_plan(alignment, lay_out(alignment, options.layout), options.compositing, "none").gains
+    return np.ptp(np.log(gains * ENCODED)) / np.ptp(np.log(ENCODED))
+
+
+def test_planted_exposure_is_evened_out(small):
+    assert 0.001 < gains_left(small) < GAINS_LEFT
+
+
+GAIN_DAMAGES = {
+    "inverted": lambda gains: 1 / gains,
+    "of the photo before": lambda gains: np.roll(gains, 1),
+    "in linear light": lambda gains: gains**2.2,
+    "forgotten": np.ones_like,
+}
+
+
+@pytest.mark.parametrize("damage", GAIN_DAMAGES)
+def test_damaged_gains(small, monkeypatch, damage):
+    healthy = exposure.EXPOSURE["gain"]
+    monkeypatch.setitem(exposure.EXPOSURE, "gain", lambda count, pieces: GAIN_DAMAGES[damage](healthy(count, pieces)))
+
+    assert gains_left(small) > GAINS_LEFT
+
+
+@pytest.mark.parametrize("share", [0.9, 1.1])
+def test_blend_weights_that_do_not_sum_to_one(small, monkeypatch, share):
+    healthy = multiband._Bands.add
+    monkeypatch.setattr(
+        multiband._Bands, "add", lambda self, photo, weight: healthy(self, photo, weight * np.float32(share))
+    )
+
+    assert view_error(small) > VIEW_LEVELS
+
+
+def test_a_photo_missing_from_the_blend(small, monkeypatch):
+    healthy = multiband._Bands.add
+    seen = []
+
+    def forgetful(self, photo, weight):
+        seen.append(1)
+        if len(seen) != 2:
+            healthy(self, photo, weight)
+
+    monkeypatch.setattr(multiband._Bands, "add", forgetful)
+
+    assert view_error(small) > VIEW_LEVELS
+
+
+def test_labels_of_the_wrong_photo(small, monkeypatch):
+    healthy = plan.SEAMS["graphcut"]
+    monkeypatch.setitem(plan.SEAMS, "graphcut", lambda canvas, pieces: np.roll(healthy(canvas, pieces), 60, axis=1))
+
+    assert view_error(small, blender="none") > VIEW_LEVELS or _uncovered(small)
+
+
+def _uncovered(known):
+    """Share of the canvas that nobody shows although somebody sees it."""
+    panorama = pipeline.render(truth_of(known), Options.of(crop="none", blender="none"))
+    return panorama.read(panorama.canvas.region).mask.mean() < 0.5
