@@ -8,15 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from panostitch.cli.options import options_of, run_options, stage_options
-from panostitch.options import (
-    AlignmentOptions,
-    CompositingOptions,
-    FeatureOptions,
-    LayoutOptions,
-    MatchingOptions,
-    OutputOptions,
-)
+from panostitch.cli.options import every_stage, options_of, run_options
 
 if TYPE_CHECKING:
     from panostitch.jobs.batch import Outcome
@@ -27,7 +19,7 @@ if TYPE_CHECKING:
 @click.argument("folder")
 @click.option("-o", "--output", required=True, metavar="FOLDER", help="Where the panoramas go; made if need be.")
 @click.option("--format", "file_format", type=click.Choice(["jpg", "png", "tif"]), default="jpg", show_default=True)
-@stage_options(FeatureOptions, MatchingOptions, AlignmentOptions, LayoutOptions, CompositingOptions, OutputOptions)
+@every_stage
 @run_options
 def command(folder: str, output: str, file_format: str, **given: Any) -> int:
     """Make a panorama of every sub-folder of FOLDER, and of the photos in FOLDER itself.

@@ -4,15 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from panostitch.cli.options import options_of, run_options, stage_options
-from panostitch.options import (
-    AlignmentOptions,
-    CompositingOptions,
-    FeatureOptions,
-    LayoutOptions,
-    MatchingOptions,
-    OutputOptions,
-)
+from panostitch.cli.options import every_stage, options_of, run_options
 
 if TYPE_CHECKING:
     from panostitch.jobs.compare import Comparison, Misfit
@@ -25,7 +17,7 @@ NOTHING = "-"
 @click.command("compare")
 @click.argument("photos", nargs=-1, required=True)
 @click.option("-o", "--output", required=True, metavar="PICTURE", help="Both panoramas, one above the other.")
-@stage_options(FeatureOptions, MatchingOptions, AlignmentOptions, LayoutOptions, CompositingOptions, OutputOptions)
+@every_stage
 @run_options
 def command(photos: tuple[str, ...], output: str, **given: Any) -> int:
     """Stitch PHOTOS by OpenCV's cv2.Stitcher and by panostitch, and put both side by side.

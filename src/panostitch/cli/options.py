@@ -12,6 +12,11 @@ from panostitch.options import Options
 Command = Callable[..., Any]
 
 
+def every_stage(command: Command) -> Command:
+    """Decorate a command with the options of all stages."""
+    return stage_options(*(type(part.default) for part in dataclasses.fields(Options)))(command)
+
+
 class FiniteRange(click.FloatRange):
     """A range that "nan", which compares with nothing, does not slip through."""
 

@@ -4,22 +4,14 @@ from typing import Any
 
 import click
 
-from panostitch.cli.options import options_of, run_options, stage_options
-from panostitch.options import (
-    AlignmentOptions,
-    CompositingOptions,
-    FeatureOptions,
-    LayoutOptions,
-    MatchingOptions,
-    OutputOptions,
-)
+from panostitch.cli.options import every_stage, options_of, run_options
 
 
 @click.command("stitch")
 @click.argument("photos", nargs=-1, required=True)
 @click.option("-o", "--output", required=True, metavar="PANORAMA", help="Where to write: .jpg, .png or .tif.")
 @click.option("--save-project", metavar="FILE.pano.json", default=None, help="Keep the alignment, for `render`.")
-@stage_options(FeatureOptions, MatchingOptions, AlignmentOptions, LayoutOptions, CompositingOptions, OutputOptions)
+@every_stage
 @run_options
 def command(photos: tuple[str, ...], output: str, save_project: str | None, **given: Any) -> int:
     """Stitch PHOTOS (files, folders, globs, @list.txt, - for a list on standard input) into a panorama."""

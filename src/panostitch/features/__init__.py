@@ -18,23 +18,10 @@ from panostitch.options import FeatureOptions
 from panostitch.runtime.executor import Executor, serial
 from panostitch.runtime.trace import Trace, silent
 
-SURF_SURPLUS = 2  # for the spreading to choose from
-
-
-def _surf(grey: NDArray[np.uint8], count: int) -> Described:
-    """SURF, with the sign of the Laplacian as a last number of the descriptor.
-
-    It is weighted so that blobs of unlike sign are always further apart than any two of like sign.
-    """
-    found = surf.detect_and_describe(grey, max_features=SURF_SURPLUS * count)
-    signed = np.column_stack([found.descriptors, found.laplacian.astype(np.float32)]) * np.float32(np.sqrt(0.5))
-    return Described(found.xy, found.scale, found.angle, found.response, signed)
-
-
 # From a grey picture (h, w) and a number to at least that many key points where there are so many, in its pixels.
 DETECTORS: dict[str, Callable[[NDArray[np.uint8], int], Described]] = {
     "sift": opencv.sift,
-    "surf": _surf,
+    "surf": surf.surf,
     "orb": opencv.orb,
     "akaze": opencv.akaze,
 }
