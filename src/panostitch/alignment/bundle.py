@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from panostitch.alignment.residuals import Matches, Observation, in_a_row, linearise, reprojection
+from panostitch.alignment.residuals import BEHIND, Matches, Observation, in_a_row, linearise, reprojection
 from panostitch.geometry import rotation
 from panostitch.model.camera import Camera
 
@@ -93,8 +93,9 @@ def adjust(
 
 
 def distances(cameras: Sequence[Camera], observation: Observation) -> Floats:
-    """Distance (n,) px of each match in photo j."""
-    return np.asarray(np.linalg.norm(reprojection(cameras, in_a_row([observation])), axis=1))
+    """Distance (n,) px of each match in photo j; for cameras of any model."""
+    there = cameras[observation.j].project(cameras[observation.i].rays(observation.xy_i))
+    return np.asarray(np.nan_to_num(np.linalg.norm(there - observation.xy_j, axis=1), nan=BEHIND))
 
 
 def _cost(cameras: Sequence[Camera], matches: Matches, scale: float) -> float:

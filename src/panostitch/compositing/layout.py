@@ -65,7 +65,7 @@ def _sphere(cameras: Sequence[Camera], options: LayoutOptions) -> tuple[Canvas, 
     uv = PROJECTIONS[name].forward(rays)
     uv = np.vstack([uv, *_poles(cameras, name)])
     start, width = _arc(uv[np.isfinite(uv).all(1), 0])
-    if width > 2 * np.pi - CLOSED_GAP:
+    if width > 2 * np.pi - max(CLOSED_GAP, *map(_spacing, cameras)):
         turn = max(EDGE_MULTIPLE, round(2 * np.pi * scale / EDGE_MULTIPLE) * EDGE_MULTIPLE)
         whole = _canvas(name, turn / (2 * np.pi), np.column_stack([np.zeros(len(uv)), uv[:, 1]]))
         return Canvas(name, whole.scale, (-turn / 2 + 0.5, whole.origin[1]), (turn, whole.size[1]), wraps=True), reason
@@ -86,6 +86,11 @@ def _grid(camera: Camera) -> Floats:
     width, height = camera.size
     x, y = np.meshgrid(np.linspace(-0.5, width - 0.5, GRID), np.linspace(-0.5, height - 0.5, GRID))
     return np.column_stack([x.ravel(), y.ravel()])
+
+
+def _spacing(camera: Camera) -> float:
+    """Widest angle (radians) between neighbouring rays of the grid: no gap between photos is told by it."""
+    return float(1.5 * max(camera.size) / camera.focal / (GRID - 1))
 
 
 def _arc(longitudes: Floats) -> tuple[float, float]:

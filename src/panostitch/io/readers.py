@@ -72,19 +72,36 @@ Image.MAX_IMAGE_PIXELS = None  # we refuse too large pictures ourselves, by name
 
 @dataclass(frozen=True)
 class FileSource:
-    """Pixels of a photo in a file; `orientation` is the EXIF orientation that makes them upright."""
+    """Pixels of a photo in a file.
+
+    orientation: the EXIF orientation that makes them upright
+    jpeg_size:   stored (width, height) px of an ordinary JPEG; None for what Pillow is to decode
+    """
 
     path: str
     orientation: int
+    jpeg_size: tuple[int, int] | None
 
     def read(self, scale: float = 1.0) -> tuple[Pixels, Pixels | None]:
         """Upright RGB pixels (h, w, 3) at `scale` <= 1 and the mask (h, w) of alpha, if any. Raises InputError."""
-        pixels, mask, (width, height) = _decode(self.path, scale)
+        pixels, mask, (width, height) = self._decode(scale)
         if scale < 1:
             size = max(1, round(width * scale)), max(1, round(height * scale))
             pixels = np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
             mask = None if mask is None else np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_AREA), np.uint8)
         return _upright(pixels, self.orientation), None if mask is None else _upright(mask, self.orientation)
+
+    def _decode(self, scale: float) -> tuple[Pixels, Pixels | None, tuple[int, int]]:
+        """Stored pixels, their mask, and the size of the whole picture; a JPEG comes reduced where `scale` allows."""
+        try:
+            if self.jpeg_size:
+                return _decode_jpeg(self.path, _reduction(self.jpeg_size, scale)), None, self.jpeg_size
+            with Image.open(self.path, formats=FORMATS) as image:
+                return *_from_pillow(image), image.size
+        except InputError:
+            raise
+        except READ_FAILURES as error:
+            raise InputError(f"{self.path}: broken: {str(error) or type(error).__name__}", hint=COPY_ANEW) from None
 
 
 def open_photos(paths: Sequence[str | os.PathLike[str]]) -> tuple[list[Photo], list[InputError]]:
@@ -113,6 +130,8 @@ def open_photo(path: str | os.PathLike[str]) -> Photo:
             warnings.simplefilter("ignore")  # of Pillow, at tags that are damaged, and ignored
             with Image.open(name, formats=FORMATS) as image:
                 metadata = read_metadata(image)
+                jpeg = image.format in ("JPEG", "MPO") and image.mode in ("RGB", "L")
+                source = FileSource(name, metadata.orientation, image.size if jpeg else None)
     except UnidentifiedImageError:
         raise InputError(f"{name}: not a picture", hint=f"known are {', '.join(FORMATS)}") from None
     except READ_FAILURES as error:
@@ -120,7 +139,6 @@ def open_photo(path: str | os.PathLike[str]) -> Photo:
     megapixels = metadata.size[0] * metadata.size[1] / 1e6
     if megapixels > MAX_MEGAPIXELS:
         raise InputError(f"{name}: claims {megapixels:.0f} megapixels; {MAX_MEGAPIXELS:.0f} is the most")
-    source = FileSource(name, metadata.orientation)
     return Photo(os.path.basename(name), metadata.size, source, name, metadata.focal, metadata.lens, metadata.notes)
 
 
@@ -143,19 +161,6 @@ def _named_apart(photos: list[Photo]) -> list[Photo]:
     """Photos of one name in different folders are called by their paths."""
     count = Counter(photo.name for photo in photos)
     return [replace(photo, name=photo.path) if count[photo.name] > 1 else photo for photo in photos]
-
-
-def _decode(path: str, scale: float) -> tuple[Pixels, Pixels | None, tuple[int, int]]:
-    """Stored pixels, their mask, and the size of the whole picture; a JPEG comes reduced where `scale` allows it."""
-    try:
-        with Image.open(path, formats=FORMATS) as image:
-            if image.format in ("JPEG", "MPO") and image.mode in ("RGB", "L"):
-                return _decode_jpeg(path, _reduction(image.size, scale)), None, image.size
-            return *_from_pillow(image), image.size
-    except InputError:
-        raise
-    except READ_FAILURES as error:
-        raise InputError(f"{path}: broken: {str(error) or type(error).__name__}", hint=COPY_ANEW) from None
 
 
 def _reduction(size: tuple[int, int], scale: float) -> int:
