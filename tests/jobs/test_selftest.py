@@ -11,15 +11,24 @@ from panostitch.geometry import rotation
 from panostitch.jobs import selftest
 from panostitch.options import Options
 from panostitch.runtime.executor import serial
+from panostitch.synthetic.scene import rig
 
 # px; it must state an error that is no fault, and no zero. 0.05 seen.
 STATED = (0.005, selftest.MAX_RMS)
-TURN = 0.003  # rad, by which a camera is turned: about 2 px
+TURN = 0.005  # rad, by which a camera is turned: about 2 px
+HFOV = np.deg2rad(50)
 
 
 @pytest.fixture(autouse=True)
-def _smaller_texture(monkeypatch):
+def _smaller(monkeypatch):
+    """Smaller photos of a smaller world, for speed."""
+
+    def row(*yaws):
+        return lambda: rig(np.deg2rad(yaws), 0.02, [0.01 * n for n, _ in enumerate(yaws)], size=(400, 300), hfov=HFOV)
+
     monkeypatch.setattr(selftest, "TEXTURE", (2048, 1024))
+    monkeypatch.setitem(selftest.PLANS, "pair", row(-12, 12))
+    monkeypatch.setitem(selftest.PLANS, "low_overlap", row(-30, 0, 30))
 
 
 def findings(*plans):
@@ -80,7 +89,7 @@ def test_cameras_in_another_order_are_told_apart_by_name(monkeypatch):
 
 
 def test_an_error_is_a_finding_and_does_not_end_the_test(monkeypatch):
-    def fails(*args, **kwargs):
+    def fails(*_args, **_kwargs):
         raise AlignmentError("nothing fits")
 
     monkeypatch.setattr(pipeline, "align", fails)
@@ -92,16 +101,10 @@ def test_an_error_is_a_finding_and_does_not_end_the_test(monkeypatch):
 
 
 def test_a_bug_is_not_swallowed(monkeypatch):
-    def broken(*args, **kwargs):
+    def broken(*_args, **_kwargs):
         raise ZeroDivisionError
 
     monkeypatch.setattr(pipeline, "align", broken)
 
     with pytest.raises(ZeroDivisionError):
         findings("pair")
-
-
-def test_a_flat_plan_looks_at_a_plane():
-    (finding,) = findings("plane_pair")
-
-    assert finding.passed

@@ -7,6 +7,7 @@ import numpy as np
 from panostitch import pipeline
 from panostitch.model.alignment import Alignment
 from panostitch.model.camera import Camera
+from panostitch.model.canvas import Canvas
 from panostitch.options import Options
 from panostitch.synthetic.render import photograph
 from panostitch.synthetic.score import Score, score
@@ -60,12 +61,21 @@ def view_error(known, alignment=None, **options) -> float:
     panorama = pipeline.render(
         alignment or truth_of(known), Options.of(projection="rectilinear", crop="none", **options)
     )
-    canvas = panorama.canvas
-    wide = Camera(canvas.size, canvas.scale, (-canvas.origin[0], -canvas.origin[1]), np.eye(3))
-    layer = panorama.read(canvas.region)
-    truth = photograph(known.scene, wide, supersample=1)
+    layer = panorama.read(panorama.canvas.region)
     assert layer.mask.mean() > 0.5
-    return float(np.abs(layer.pixels - truth)[layer.mask].mean())
+    return float(np.abs(layer.pixels - _wide_view(known.scene, panorama.canvas))[layer.mask].mean())
+
+
+_views: dict[tuple[int, Canvas], np.ndarray] = {}  # scenes live as long as the tests
+
+
+def _wide_view(scene, canvas):
+    """What a camera sees whose pixels are those of a rectilinear canvas."""
+    key = id(scene), canvas
+    if key not in _views:
+        wide = Camera(canvas.size, canvas.scale, (-canvas.origin[0], -canvas.origin[1]), np.eye(3))
+        _views[key] = photograph(scene, wide, supersample=1).astype(np.float32)
+    return _views[key]
 
 
 def renamed(known, names):

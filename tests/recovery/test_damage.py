@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from panostitch import features, pipeline
-from panostitch.alignment import initialise, residuals
-from panostitch.compositing import exposure, lay_out, make_plan, plan, warp
+from panostitch.alignment import residuals
+from panostitch.compositing import exposure, lay_out, make_plan, warp
 from panostitch.compositing.blend import multiband
 from panostitch.errors import AlignmentError, NoOverlapError
 from panostitch.geometry import lens
@@ -25,6 +25,7 @@ from recovery.bounds import (
     SMALL_PX,
     VIEW_LEVELS,
     aligned,
+    error_of,
     truth_of,
     view_error,
     within,
@@ -40,14 +41,6 @@ def is_noticed(known, bound, **options):
         return not within(known, aligned(known, **options), bound)
     except (AlignmentError, NoOverlapError):
         return True
-
-
-def test_the_healthy_program_passes(small, house, barrel):
-    assert not is_noticed(small, SMALL_PX)
-    assert not is_noticed(house, HOUSE_PX)
-    assert not is_noticed(barrel, BARREL_PX)
-    assert view_error(small) < VIEW_LEVELS
-    assert view_error(barrel) < VIEW_LEVELS
 
 
 def through(monkeypatch, change):
@@ -67,7 +60,7 @@ LINK_DAMAGES = {
     ),
     "x and y exchanged": lambda link: replace(link, xy_i=link.xy_i[:, ::-1], xy_j=link.xy_j[:, ::-1]),
     "partners one row off": lambda link: replace(link, xy_j=np.roll(link.xy_j, 1, axis=0)),
-    "one pixel off in photo j": lambda link: replace(link, xy_j=link.xy_j + (1.0, 0.0)),
+    "one pixel off in photo j": lambda link: replace(link, xy_j=link.xy_j + np.array([1.0, 0.0])),
 }
 
 
@@ -96,12 +89,9 @@ def test_photos_of_a_match_swapped(small, monkeypatch):
 
 
 def test_cameras_given_to_the_wrong_photos(small):
-    alignment, _ = aligned(small)
+    wrong = replace(truth_of(small), cameras=(*small.cameras[1:], small.cameras[0]))
 
-    shuffled = replace(alignment, cameras=(*alignment.cameras[1:], alignment.cameras[0]))
-
-    assert view_error(small, replace(truth_of(small), cameras=(*small.cameras[1:], small.cameras[0]))) > VIEW_LEVELS
-    assert shuffled.cameras[0] is alignment.cameras[1]
+    assert view_error(small, wrong) > VIEW_LEVELS
 
 
 def test_ratio_test_skipped(house, monkeypatch):
@@ -161,11 +151,11 @@ def test_warp_shifted_by_a_pixel(small, monkeypatch, shift):
 def test_half_pixels_forgotten_on_the_grid_of_the_warp(small, monkeypatch):
     healthy = warp._project_grid
     half = (warp.STEP - 1) / 2
-    monkeypatch.setattr(
-        warp,
-        "_project_grid",
-        lambda camera, canvas, columns, rows: healthy(camera, canvas, columns - half, rows - half),
-    )
+
+    def forgotten(camera, canvas, columns, rows):
+        return healthy(camera, canvas, columns - half, rows - half)
+
+    monkeypatch.setattr(warp, "_project_grid", forgotten)
 
     assert view_error(small) > VIEW_LEVELS
 
@@ -174,19 +164,12 @@ def test_lens_bent_the_wrong_way_in_the_adjustment(barrel, monkeypatch):
     healthy = lens.undistort
     monkeypatch.setattr(residuals.lens, "undistort", lambda xy, k1, k2: healthy(xy, -np.asarray(k1), -np.asarray(k2)))
     try:
-        result = aligned(barrel)
+        alignment, _ = aligned(barrel)
     except (AlignmentError, NoOverlapError):
         return
     monkeypatch.undo()  # the truth is judged by a healthy lens
 
-    fresh = replace(barrel)
-    assert not within(fresh, (result[0], _score_again(barrel, result[0])), BARREL_PX)
-
-
-def _score_again(known, alignment):
-    from recovery.bounds import error_of
-
-    return error_of(known, alignment)
+    assert not within(barrel, (alignment, error_of(barrel, alignment)), BARREL_PX)
 
 
 def test_lens_bent_the_wrong_way_in_the_rendering(barrel):
@@ -195,20 +178,10 @@ def test_lens_bent_the_wrong_way_in_the_rendering(barrel):
     assert view_error(barrel, replace(truth_of(barrel), cameras=tuple(wrong))) > VIEW_LEVELS
 
 
-def test_distortion_forgotten(barrel, monkeypatch):
+def test_distortion_forgotten(barrel):
     straight = [replace(camera, k1=0.0, k2=0.0) for camera in barrel.cameras]
 
     assert view_error(barrel, replace(truth_of(barrel), cameras=tuple(straight))) > VIEW_LEVELS
-
-
-def test_focal_lengths_of_the_wrong_photos(small, monkeypatch):
-    healthy = initialise._intrinsics
-    monkeypatch.setattr(initialise, "_intrinsics", lambda photo, focal: healthy(photo, 0.2 * focal))
-
-    alignment, error = aligned(small)
-
-    # a bad start is what the adjustment is there to mend
-    assert within(small, (alignment, error), SMALL_PX)
 
 
 def gains_left(known):
@@ -244,7 +217,9 @@ def test_damaged_gains(small, monkeypatch, damage):
 def test_blend_weights_that_do_not_sum_to_one(small, monkeypatch, share):
     healthy = multiband._Bands.add
     monkeypatch.setattr(
-        multiband._Bands, "add", lambda self, photo, weight: healthy(self, photo, weight * np.float32(share))
+        multiband._Bands,
+        "add",
+        lambda self, photo, weight, *rest: healthy(self, photo, weight * np.float32(share), *rest),
     )
 
     assert view_error(small) > VIEW_LEVELS
@@ -254,24 +229,11 @@ def test_a_photo_missing_from_the_blend(small, monkeypatch):
     healthy = multiband._Bands.add
     seen = []
 
-    def forgetful(self, photo, weight):
+    def forgetful(self, *photo):
         seen.append(1)
         if len(seen) != 2:
-            healthy(self, photo, weight)
+            healthy(self, *photo)
 
     monkeypatch.setattr(multiband._Bands, "add", forgetful)
 
     assert view_error(small) > VIEW_LEVELS
-
-
-def test_labels_of_the_wrong_photo(small, monkeypatch):
-    healthy = plan.SEAMS["graphcut"]
-    monkeypatch.setitem(plan.SEAMS, "graphcut", lambda canvas, pieces: np.roll(healthy(canvas, pieces), 60, axis=1))
-
-    assert view_error(small, blender="none") > VIEW_LEVELS or _uncovered(small)
-
-
-def _uncovered(known):
-    """Share of the canvas that nobody shows although somebody sees it."""
-    panorama = pipeline.render(truth_of(known), Options.of(crop="none", blender="none"))
-    return panorama.read(panorama.canvas.region).mask.mean() < 0.5

@@ -20,6 +20,7 @@ CYLINDRICAL_UNTIL = np.deg2rad(50.0)  # above or below the horizon
 RECTILINEAR_LIMIT = np.deg2rad(80.0)
 CYLINDRICAL_LIMIT = np.deg2rad(80.0)
 CLOSED_GAP = np.deg2rad(1.0)  # a turn with a smaller hole than this is closed
+HAIR = 1e-9  # radians
 GRID = 24  # rays along each side of a photo that find its extent
 EDGE_MULTIPLE = 64  # a closed canvas is wide a multiple of this, so that reductions of it close as well
 ABSURD = 40.0  # times the photos' own pixels: no sound alignment spreads them so thin
@@ -62,14 +63,14 @@ def _sphere(cameras: Sequence[Camera], options: LayoutOptions) -> tuple[Canvas, 
     name, reason = _choose_projection(cameras, rays, options)
     if not PROJECTIONS[name].period:
         return _canvas(name, scale, PROJECTIONS[name].forward(rays)), reason
-    uv = PROJECTIONS[name].forward(rays)
-    uv = np.vstack([uv, *_poles(cameras, name)])
-    start, width = _arc(uv[np.isfinite(uv).all(1), 0])
-    if width > 2 * np.pi - max(CLOSED_GAP, *map(_spacing, cameras)):
+    uv = np.vstack([PROJECTIONS[name].forward(rays), *_poles(cameras, name)])
+    start, width = _arc(cameras)
+    if width > 2 * np.pi - CLOSED_GAP:
         turn = max(EDGE_MULTIPLE, round(2 * np.pi * scale / EDGE_MULTIPLE) * EDGE_MULTIPLE)
         whole = _canvas(name, turn / (2 * np.pi), np.column_stack([np.zeros(len(uv)), uv[:, 1]]))
         return Canvas(name, whole.scale, (-turn / 2 + 0.5, whole.origin[1]), (turn, whole.size[1]), wraps=True), reason
-    uv[:, 0] = (uv[:, 0] - start) % (2 * np.pi) + start
+    # the canvas may reach beyond half a turn on one side; a hair's breadth keeps its left edge from wrapping
+    uv[:, 0] = (uv[:, 0] - start + HAIR) % (2 * np.pi) + start - HAIR
     return _canvas(name, scale, uv), reason
 
 
@@ -88,20 +89,29 @@ def _grid(camera: Camera) -> Floats:
     return np.column_stack([x.ravel(), y.ravel()])
 
 
-def _spacing(camera: Camera) -> float:
-    """Widest angle (radians) between neighbouring rays of the grid: no gap between photos is told by it."""
-    return float(1.5 * max(camera.size) / camera.focal / (GRID - 1))
-
-
-def _arc(longitudes: Floats) -> tuple[float, float]:
-    """Start and width of the shortest arc that holds all longitudes (radians)."""
-    ordered = np.sort(longitudes)
-    gaps = np.diff(np.append(ordered, ordered[0] + 2 * np.pi))
-    widest = int(np.argmax(gaps))
-    start = ordered[(widest + 1) % len(ordered)]
-    if start > ordered[0] and start > np.pi / 2:  # keep the straight-ahead direction inside where it is covered
+def _arc(cameras: Sequence[Camera]) -> tuple[float, float]:
+    """Start and width (radians of longitude) of what the photos cover, without the widest gap between them."""
+    if _poles(cameras, "equirectangular"):
+        return -np.pi, 2 * np.pi
+    intervals = sorted(_interval(camera) for camera in cameras)
+    first = intervals[0][0]
+    gaps, end = [], first
+    for start, width in [*intervals, (first + 2 * np.pi, 0.0)]:
+        gaps.append((start - end, start))
+        end = max(end, start + width)
+    gap, start = max(gaps)
+    if start > np.pi / 2:  # keep straight ahead inside the canvas, where the photos were centred
         start -= 2 * np.pi
-    return float(start), float(2 * np.pi - gaps[widest])
+    return float(start), float(2 * np.pi - max(gap, 0.0))
+
+
+def _interval(camera: Camera) -> tuple[float, float]:
+    """Start in -pi..pi and width (radians of longitude) of what one photo covers; it must not show a pole."""
+    rays, ahead = camera.rays(_grid(camera)), camera.cam_from_world[2]
+    middle = np.arctan2(ahead[0], ahead[2])
+    aside = (np.arctan2(rays[:, 0], rays[:, 2]) - middle + np.pi) % (2 * np.pi) - np.pi
+    start = (middle + aside.min() + np.pi) % (2 * np.pi) - np.pi
+    return float(start), float(aside.max() - aside.min())
 
 
 def _poles(cameras: Sequence[Camera], name: str) -> list[Floats]:
@@ -122,7 +132,7 @@ def _choose_projection(cameras: Sequence[Camera], rays: Floats, options: LayoutO
     latitude = np.arctan2(rays[:, 1], np.hypot(rays[:, 0], rays[:, 2]))
     wide, high = float(np.abs(longitude).max()), float(np.abs(latitude).max())
     high = max(high, np.pi / 2 if _poles(cameras, "equirectangular") else 0.0)
-    width = np.rad2deg(_arc(longitude)[1])
+    width = np.rad2deg(_arc(cameras)[1])
     field = f"the view is {width:.0f} degrees wide and reaches {np.rad2deg(high):.0f} degrees from the horizon"
     if options.projection == "auto":
         if wide < RECTILINEAR_UNTIL and high < RECTILINEAR_UNTIL:

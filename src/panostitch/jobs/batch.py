@@ -101,6 +101,8 @@ def _panoramas(task: Task, setting: Setting) -> Iterator[Outcome]:
     try:
         with setting.tracer(task.name) as trace:
             photos, failures = open_photos(task.photos)
+            if failures and len(photos) < 2:
+                raise failures[0]
             recognition = pipeline.recognise(photos, setting.options, run=setting.run, trace=trace)
             recognition = replace(recognition, unreadable=(*map(_unreadable, failures), *recognition.unreadable))
             if not recognition.groups.panoramas:
