@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from alignment.planted import blank_photos, link_of, planted_links
-from known_bugs import marked
-from panostitch.alignment import align_group, turning
+from panostitch.alignment import align_group, planar, turning
 from panostitch.errors import AlignmentError
 from panostitch.geometry import rotation
 from panostitch.model.camera import Camera
@@ -33,6 +32,8 @@ NOISY_PX = (0.02, 0.4)
 # px, rms of the residuals: sqrt(2) * 0.5 in each of two coordinates is 1.0.
 # Seen over 30 seeds: 0.95 to 1.04.
 NOISY_RESIDUAL = (0.85, 1.15)
+
+FITTED_BETTER = 1.5  # times; against homographies chained along the tree only. Seen over 5 seeds: 2.9 to 5.1.
 
 WRONG_TURN = np.deg2rad(8)  # of the link that contradicts the others: 100 px
 
@@ -157,18 +158,12 @@ def test_a_link_that_contradicts_the_others_is_dropped_and_named(position, rng):
     assert len(links) == 5
     wrong = wrong_link(true, 0, 3, rng)
     given = [*links, wrong] if position is None else [*links[:position], wrong, *links[position:]]
-    told = {}
 
-    alignment = align_group(
-        blank_photos(true),
-        given,
-        AlignmentOptions(),
-        pixel_size=1.0,
-        trace=lambda event, **data: told.update({event: data}),
-    )
+    alignment = aligned(true, given)
 
     assert {(link.i, link.j) for link in alignment.links} == {(link.i, link.j) for link in links}
-    assert [(link.i, link.j) for link in told["alignment.dropped"]["links"]] == [(0, 3)]
+    assert [(link.i, link.j) for link in alignment.dropped] == [(0, 3)]
+    assert alignment.dropped[0].rms > 50
     assert score(true, alignment.cameras).rms < NOISY_PX[1]
 
 
@@ -231,10 +226,7 @@ def test_same_every_time(rng):
     assert aligned(row(), links).to_json() == aligned(row(), links).to_json()
 
 
-TRANSPOSED = "residuals take the transpose of `cam_from_world` for its inverse: wrong for planes, away from the root"
-
-
-@pytest.mark.parametrize("count", marked([2, 3, 4], {3: TRANSPOSED, 4: TRANSPOSED}))
+@pytest.mark.parametrize("count", [2, 3, 4])
 def test_photos_of_a_plane_recover_their_homographies(count, rng):
     plane = [
         np.array([[1, 0.02 * n, -250 * n], [-0.01 * n, 1, 20 * n], [1e-5 * n, -2e-5 * n, 1]]) for n in range(count)
@@ -247,3 +239,15 @@ def test_photos_of_a_plane_recover_their_homographies(count, rng):
     assert score(true, alignment.cameras).worst < EXACT_PX
     assert len(alignment.links) == len(links)
     assert alignment.rms < EXACT_PX
+
+
+def test_photos_of_a_plane_are_fitted_to_all_their_neighbours(monkeypatch):
+    flat = [(0, 0), (250, 10), (500, -10), (0, 200), (250, 210), (500, 190)]
+    true = [Camera(SIZE, 1.0, (0.0, 0.0), np.array([[1.0, 0, -x], [0, 1, -y], [1e-5, 0, 1]])) for x, y in flat]
+    links = planted_links(true, np.random.default_rng(3), noise=NOISE)
+
+    fitted = score(true, aligned(true, links, model="homography").cameras).rms
+    monkeypatch.setattr(planar, "SWEEPS", 0)
+    chained = score(true, aligned(true, links, model="homography").cameras).rms
+
+    assert NOISY_PX[0] < fitted < chained / FITTED_BETTER

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from compositing.mosaics import alignment_of, panorama_of, shifted
-from panostitch.compositing import lay_out, layout, plan
+from panostitch.compositing import lay_out, plan
+from panostitch.compositing.seams import SEAMS
 from panostitch.io.writers import assemble
 from panostitch.model.canvas import Region
+from panostitch.model.panorama import NOBODY
 from panostitch.options import CompositingOptions, LayoutOptions
 from panostitch.runtime.executor import Executor
 from panostitch.synthetic.render import photograph
@@ -29,10 +31,12 @@ IDENTITY = 1.0
 EV = 0.3
 LEFT = 0.35  # share of the planted step; 0.2 seen
 
+DARK, LIGHT = 80, 160  # grey levels of two photos that meet at the edge of a turn
+BLENDED_SEAM = 8.0  # grey levels; a tenth of that step, 2 seen
+
 # Times; how much more neighbours across the edge of a turn may differ than neighbours elsewhere (95th percentile over
 # the columns). 1.0 seen.
 ACROSS_EDGE = 1.15
-NOT_CLOSED = 2.0  # a canvas that does not know that it wraps must be worse than this
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +68,6 @@ def ring(scene):
 
 def at_factor(monkeypatch, alignment, factor, **options):
     """A panorama whose plan is reduced by this factor."""
-    monkeypatch.setattr(layout, "GRID", 101)  # test_layout.py tells why
     uncropped = LayoutOptions(crop="none")
     area = lay_out(alignment, uncropped).region.area
     monkeypatch.setattr(plan, "PLAN_PIXELS", 1.02 * area / factor**2)
@@ -83,9 +86,11 @@ def stitched_from_tiles(panorama, side):
     return pixels, covered
 
 
-@pytest.mark.parametrize("blender", ["multiband", "feather", "none"])
-@pytest.mark.parametrize("factor", [1, 2, 4])
-@pytest.mark.parametrize("side", [100, 256, 777])
+TILINGS = [("multiband", side) for side in (100, 256, 777)] + [("feather", 100), ("none", 256)]
+
+
+@pytest.mark.parametrize(("blender", "side"), TILINGS)
+@pytest.mark.parametrize("factor", [1, 4])
 def test_tiles_make_the_whole(row, monkeypatch, blender, factor, side):
     panorama = at_factor(monkeypatch, row, factor, blender=blender)
     whole = panorama.read(panorama.canvas.region)
@@ -219,6 +224,24 @@ def test_planted_exposure_steps_shrink(row):
     assert panorama_of(row, compositing=CompositingOptions(exposure="none")).plan.gains.tolist() == [1, 1, 1]
 
 
+@pytest.mark.parametrize("factor", [1, 4])
+def test_gains_reach_the_pixels(views, monkeypatch, factor):
+    light = views[0]
+    dark = np.rint(light * 0.8).astype(np.uint8)
+    pieces, cameras = [light[:, :240], dark[:, 160:]], [shifted((240, 300), 0, 0), shifted((240, 300), 160, 0)]
+    alignment = alignment_of(cameras, pieces, model="homography")
+
+    steps = {}
+    for exposed in ("gain", "none"):
+        panorama = at_factor(monkeypatch, alignment, factor, exposure=exposed, blender="none")
+        left, top = (-int(v) for v in panorama.canvas.origin)
+        ratio = np.log(panorama.read(Region(left, top, 400, 300)).pixels.mean(2) + 1) - np.log(light.mean(2) + 1)
+        steps[exposed] = abs(np.median(ratio[:, :100]) - np.median(ratio[:, -100:]))
+
+    assert steps["none"] == pytest.approx(-np.log(0.8), rel=0.05)
+    assert steps["gain"] < LEFT * steps["none"]
+
+
 def step_at_edge(pixels, mask):
     """How much the first and the last column differ, over what neighbouring columns usually do."""
     rows = mask[:, [0, -1]].all(1)
@@ -229,14 +252,43 @@ def step_at_edge(pixels, mask):
 
 
 @pytest.mark.parametrize("factor", [1, 4])
-@pytest.mark.parametrize("exposure", ["gain", "none"])
-@pytest.mark.parametrize("blender", ["multiband", "feather"])
+@pytest.mark.parametrize(("blender", "exposure"), [("multiband", "gain"), ("multiband", "none"), ("feather", "none")])
 def test_a_turn_closes_without_a_step(ring, monkeypatch, factor, exposure, blender):
     panorama = at_factor(monkeypatch, ring, factor, exposure=exposure, blender=blender)
     layer = panorama.read(panorama.canvas.region)
 
     assert panorama.canvas.wraps
     assert step_at_edge(layer.pixels, layer.mask) < ACROSS_EDGE
+
+
+def nearest_in_longitude(canvas, pieces):
+    """Seams half-way between eight cameras, the first of which look 22.5 degrees beside the edge of the turn."""
+    labels = np.full(canvas.size[::-1], NOBODY, np.int16)
+    longitude = (np.arange(canvas.size[0]) + 0.5) / canvas.size[0] * 8 - 4
+    owner = np.broadcast_to(np.floor(longitude).astype(int) % 8, labels.shape)
+    for photo, layer in pieces:
+        place = layer.region.within(canvas.region)
+        labels[place][layer.mask & (owner[place] == photo)] = photo
+    return labels
+
+
+@pytest.mark.parametrize("factor", [1, 4])
+def test_a_seam_on_the_very_edge_of_a_turn_is_blended(monkeypatch, factor):
+    cameras = rig((np.arange(8) + 0.5) * np.pi / 4, size=(320, 240), hfov=np.deg2rad(65))
+    plain = [np.full((240, 320, 3), LIGHT if n % 2 else DARK, np.uint8) for n in range(8)]
+    monkeypatch.setitem(SEAMS, "voronoi", nearest_in_longitude)
+
+    step = {}
+    for blender in ("multiband", "none"):
+        panorama = at_factor(
+            monkeypatch, alignment_of(cameras, plain), factor, exposure="none", blender=blender, seams="voronoi"
+        )
+        assert panorama.canvas.wraps
+        pixels = panorama.read(panorama.canvas.region).pixels[60:-60, :, 0]
+        step[blender] = float(np.abs(pixels[:, 0] - pixels[:, -1]).max())
+
+    assert step["none"] == LIGHT - DARK
+    assert step["multiband"] < BLENDED_SEAM
 
 
 def test_the_step_would_be_seen(ring, monkeypatch):

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from compositing.mosaics import alignment_of, shifted
-from known_bugs import bug
-from panostitch.compositing import lay_out, layout
+from panostitch.compositing import lay_out
 from panostitch.errors import AlignmentError, LimitError, UsageError
 from panostitch.options import LayoutOptions
 from panostitch.synthetic.scene import FLAT_PLANS, PLANS, rig
@@ -54,22 +53,11 @@ def test_auto_goes_by_the_field_of_view_and_says_so(cameras, projection):
     assert told["layout.chosen"]["canvas"] == canvas
 
 
-@pytest.fixture
-def fine_grid(monkeypatch):
-    """So many rays that the gaps between them are no gaps of the view."""
-    monkeypatch.setattr(layout, "GRID", 101)
-
-
-GAPS = "the gaps between the 24 rays of one photo (2.5 degrees) are taken for a gap of the ring: CLOSED_GAP is 1 degree"
-
-
-@bug(GAPS)
 @pytest.mark.parametrize("count", [8, 10, 13])
 def test_a_ring_of_photos_wraps(count):
     assert canvas_of(ring(count)).wraps
 
 
-@pytest.mark.usefixtures("fine_grid")
 def test_a_closed_turn_wraps_and_nothing_else_does():
     closed, open_turn = canvas_of(ring()), canvas_of(row(-150, 145, 12))
 
@@ -89,11 +77,10 @@ def test_a_turn_that_closes_but_for_a_degree_does_not_wrap():
 
 
 CASES = [
-    *((name, "auto") for name in PLANS if name != "ring"),
+    *((name, "auto") for name in PLANS),
     *((name, p) for name in ("pair", "rolled", "row", "two_rows") for p in ("cylindrical", "equirectangular")),
     ("pair", "rectilinear"),
-    pytest.param("ring", "auto", marks=bug(GAPS)),
-    pytest.param("ring", "equirectangular", marks=bug(GAPS)),
+    ("ring", "equirectangular"),
 ]
 
 
@@ -178,7 +165,6 @@ def test_beyond_the_horizon_of_a_plane_nothing_is_to_be_seen():
         canvas_of([tilted], model="homography")
 
 
-@pytest.mark.usefixtures("fine_grid")
 def test_too_large_is_a_limit():
     huge = ring(count=14)
     huge = [replace(c, size=(20000, 15000), focal=c.focal * 50, centre=(9999.5, 7499.5)) for c in huge]

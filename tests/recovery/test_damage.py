@@ -102,7 +102,7 @@ def test_ratio_test_skipped(house, monkeypatch):
     healthy = ratio.believable
     monkeypatch.setattr(ratio, "believable", without)
 
-    assert is_noticed(house, HOUSE_PX)
+    assert is_noticed(house, HOUSE_PX, work_megapixels=Options().features.work_megapixels)
 
 
 def test_mutual_agreement_and_ratio_test_skipped(house, monkeypatch):
@@ -112,7 +112,7 @@ def test_mutual_agreement_and_ratio_test_skipped(house, monkeypatch):
         lambda neighbours, _: np.column_stack([np.arange(len(neighbours.index)), neighbours.index]).astype(np.int32),
     )
 
-    assert is_noticed(house, HOUSE_PX)
+    assert is_noticed(house, HOUSE_PX, work_megapixels=Options().features.work_megapixels)
 
 
 @pytest.mark.parametrize("shift", [(1.0, 0.0), (0.0, 1.0), (-0.5, -0.5)])
