@@ -58,7 +58,8 @@ def setting(output, *, overwrite=False, extension=".png", heard=None):
         if heard is not None:
             heard.append(("close", name))
 
-    return Setting(str(output), extension, overwrite, Options.of(work_megapixels=0.12), serial, tracer)
+    quick = Options.of(work_megapixels=0.12, max_features=600)
+    return Setting(str(output), extension, overwrite, quick, serial, tracer)
 
 
 def run(inbox, output, **options):
