@@ -83,7 +83,6 @@ class Run:
             "alignment.solved",
             alignment=alignment,
             residuals={"rms": np.float64(0.5), "p95": 1.25},
-            history=[{"freed": ["focal"], "cost": np.float32(3.0)}],
         )
         trace("layout.chosen", alignment=alignment, canvas=self.canvas, reason="wide")
 

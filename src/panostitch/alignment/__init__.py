@@ -64,23 +64,34 @@ def align_group(
     fit, choice = _chosen(turning, flat, pixel_size)
     if not fit.rms <= MAX_RMS * pixel_size:
         raise _failure(photos, fit, pixel_size)
-    cameras = fit.cameras
-    if choice.model == "rotation" and options.straighten == "auto":
-        cameras = straighten(cameras)
+    alignment = _described(photos, links, fit, choice, straightened=options.straighten == "auto", left_out=left_out)
+    trace("alignment.solved", alignment=alignment, residuals={"rms": fit.rms, "p95": fit.p95})
+    return alignment
+
+
+def _described(
+    photos: Sequence[Photo],
+    links: Sequence[VerifiedMatch],
+    fit: _Fit,
+    choice: Choice,
+    *,
+    straightened: bool,
+    left_out: Sequence[LeftOut],
+) -> Alignment:
+    """The solution with all that is said of it."""
+    cameras = straighten(fit.cameras) if straightened and choice.model == "rotation" else fit.cameras
     kept = {(link.i, link.j) for link in fit.links}
-    alignment = Alignment(
+    return Alignment(
         choice.model,
         tuple(photos),
         cameras,
-        tuple(_summary(cameras, thinned(link)) for link in fit.links),
-        tuple(left_out),
-        fit.rms,
-        fit.p95,
-        choice.reason,
-        tuple(_summary(cameras, thinned(link)) for link in links if (link.i, link.j) not in kept),
+        links=tuple(_summary(cameras, thinned(link)) for link in fit.links),
+        left_out=tuple(left_out),
+        rms=fit.rms,
+        p95=fit.p95,
+        reason=choice.reason,
+        dropped=tuple(_summary(cameras, thinned(link)) for link in links if (link.i, link.j) not in kept),
     )
-    trace("alignment.solved", alignment=alignment, residuals={"rms": fit.rms, "p95": fit.p95}, history=[])
-    return alignment
 
 
 def _consistent(

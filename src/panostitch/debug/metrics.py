@@ -67,9 +67,7 @@ class Metrics:
         self._parts["groups"] = [[photos[k].name for k in members] for members in groups.panoramas]
         self._parts["singles"] = [photos[k].name for k in groups.singles]
 
-    def alignment_solved(
-        self, alignment: Alignment, residuals: Mapping[str, Any], history: Sequence[Mapping[str, Any]], **_: Any
-    ) -> None:
+    def alignment_solved(self, alignment: Alignment, residuals: Mapping[str, Any], **_: Any) -> None:
         """Cameras, how well they fit, and how they were found."""
         for photo in alignment.photos:
             self._photo(photo)["used"] = True
@@ -88,7 +86,6 @@ class Metrics:
                 {"photos": [alignment.photos[k.i].name, alignment.photos[k.j].name], "matches": k.matches,
                  "rms_px": k.rms} for k in alignment.links
             ],
-            "history": list(history),
         }  # fmt: skip
 
     def layout_chosen(self, canvas: Canvas, reason: str, **_: Any) -> None:
