@@ -11,7 +11,7 @@ from math import floor, log2
 import cv2
 import numpy as np
 
-from panostitch.compositing.blend.pieces import Floats, Labels, Piece, fill
+from panostitch.compositing.blend.pieces import Booleans, Floats, Labels, Piece, fill
 from panostitch.model.canvas import Canvas
 
 # Repeated `pyrDown` smooths by a cubic B-spline. Weights at the reduced size are what it leaves of seams between whole
@@ -26,12 +26,26 @@ def blend_reduced(pieces: Sequence[Piece], labels: Labels, composite: Floats, ca
     sides = [min(piece.mask.shape) for piece in pieces if piece.mask.any()]
     levels = max(0, floor(log2(max(1, min(sides, default=1) / COARSEST))))
     bands = _Bands(composite.shape[:2], levels, wraps=canvas.wraps)
+    others, shared = _others(pieces, labels, composite)
     for photo in sorted({piece.photo for piece in pieces}):
-        weight = np.asarray(labels == photo, np.float32)
-        if weight.any():
+        owns = np.asarray(labels == photo)
+        if owns.any():
             own = [piece for piece in pieces if piece.photo == photo]
-            bands.add(_continued(own, composite), _smoothed(weight) if factor > 1 else weight)
+            around = np.where(owns[..., None], others, composite)
+            pixels = _continued(own, around, shared | ~owns)
+            weight = np.asarray(owns, np.float32)
+            bands.add(pixels, _smoothed(weight) if factor > 1 else weight)
     return bands.collapse()
+
+
+def _others(pieces: Sequence[Piece], labels: Labels, composite: Floats) -> tuple[Floats, Booleans]:
+    """What a photo that is not the owner shows of each pixel (h, w, 3), and where there is one."""
+    picture, shared = composite.copy(), np.zeros(labels.shape, bool)
+    for piece in pieces:
+        seen = piece.mask & (labels[piece.place] != piece.photo) & ~shared[piece.place]
+        np.copyto(picture[piece.place], piece.pixels, where=seen[..., None])
+        shared[piece.place] |= seen
+    return picture, shared
 
 
 def join(pieces: Sequence[Piece], changes: Sequence[Floats], composite: Floats, factor: int) -> Floats:
@@ -63,20 +77,23 @@ def _smoothed(weight: Floats) -> Floats:
     return np.asarray(smooth, np.float32)
 
 
-def _continued(own: Sequence[Piece], composite: Floats) -> Floats:
-    """All parts of a photo on the whole canvas, continued smoothly beyond its edges: bands then see no edge.
+def _continued(own: Sequence[Piece], around: Floats, comparable: Booleans) -> Floats:
+    """All parts of a photo on the whole canvas, continued beyond its edges: bands then see no edge.
 
-    A photo that touches the left and the right edge of a closed turn is continued on the far side of the turn.
+    Beyond them lies what is `around` (h, w, 3), the other photos, and the difference to them, which is known where
+    the photo overlaps them (`comparable`) and goes on smoothly. Photos that agree are so continued by what they would
+    have seen, and where they differ, bands see the photo's own brightness.
     """
-    pixels, shown = np.zeros_like(composite), np.zeros(composite.shape[:2], bool)
+    pixels, shown = np.zeros_like(around), np.zeros(around.shape[:2], bool)
     for piece in own:
         pixels[piece.place][piece.mask] = piece.pixels[piece.mask]
         shown[piece.place] |= piece.mask
-    if len(own) == 1:
-        return fill(pixels, shown)
-    half = composite.shape[1] // 2
-    rolled = fill(np.roll(pixels, half, axis=1), np.roll(shown, half, axis=1))
-    return np.roll(rolled, -half, axis=1)
+    known = shown & comparable
+    difference = np.where(known[..., None], pixels - around, np.float32(0))
+    half = around.shape[1] // 2 if len(own) > 1 else 0
+    # a photo that touches the left and the right edge of a closed turn goes on at the far side of the turn
+    extended = np.roll(fill(np.roll(difference, half, axis=1), np.roll(known, half, axis=1)), -half, axis=1)
+    return np.asarray(np.where(shown[..., None], pixels, around + extended), np.float32)
 
 
 class _Bands:
