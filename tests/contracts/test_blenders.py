@@ -168,3 +168,13 @@ def test_a_photo_in_pieces_makes_the_whole(name, factor, monkeypatch, views):
     panorama, (x, y) = panorama_of([left, right], [(0, 0), (120, 0)], name, monkeypatch, factor, seams="graphcut")
 
     np.testing.assert_allclose(panorama.read(Region(x, y, 400, 300)).pixels, views[0], atol=SAME_SCENE)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("seams", ["graphcut", "voronoi"])
+def test_narrow_overlaps_of_photos_that_agree_change_nothing(name, seams, monkeypatch, views):
+    left, right = views[0][:, :230], views[0][:, 180:]
+
+    panorama, (x, y) = panorama_of([left, right], [(0, 0), (180, 0)], name, monkeypatch, 1, seams=seams)
+
+    np.testing.assert_allclose(panorama.read(Region(x, y, 400, 300)).pixels, views[0], atol=RESAMPLED)
