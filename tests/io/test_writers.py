@@ -211,7 +211,7 @@ def coordinates(region):
 
 @pytest.fixture
 def panorama():
-    plan = Plan(np.ones(2), 1, np.zeros((1, 1), np.int16), np.zeros((1, 1, 3), np.float32), (), CROP, "as asked")
+    plan = Plan(np.ones(2), 1, np.zeros((1, 1), np.int16), (), CROP, "as asked")
     return Panorama(Canvas("cylindrical", 100.0, (0.0, 0.0), (320, 240)), plan, coordinates)
 
 

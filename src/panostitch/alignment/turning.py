@@ -8,6 +8,7 @@ import numpy as np
 from panostitch.alignment.bundle import Freedom, Solution, adjust
 from panostitch.alignment.initialise import focal_candidates, initial_cameras, lens_groups, spanning_tree
 from panostitch.alignment.residuals import Observation, thinned
+from panostitch.geometry import lens
 from panostitch.model.camera import Camera
 from panostitch.model.match import VerifiedMatch
 from panostitch.model.photo import Photo
@@ -81,6 +82,6 @@ def _possible(solution: Solution) -> bool:
 def _possible_lens(camera: Camera) -> bool:
     field = np.rad2deg(2 * np.arctan(max(camera.size) / 2 / camera.focal))
     corner = float(np.hypot(*camera.size)) / 2 / camera.focal
-    slope = 1 + corner**2 * (3 * camera.k1 + corner**2 * 5 * camera.k2)
+    slope = lens.slope(np.array(corner**2), camera.k1, camera.k2)
     distortion = abs(camera.k1) * corner**2 + abs(camera.k2) * corner**4
     return bool(MIN_FIELD < field < MAX_FIELD and slope > 0.2 and distortion < MAX_DISTORTION)

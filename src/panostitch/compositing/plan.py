@@ -62,13 +62,14 @@ def make_plan(
     blended = BLENDERS[options.blender].blend_reduced(owned, extended, composite, small, factor)
     picture = composite if blended is None else blended
     kept, reason = choose_crop(covered, crop)
-    unexposed, _ = hard_composite([_piece(n, layer, extended, small.region) for n, layer in pieces], covered.shape)
-    trace("compositing.exposed", photos=alignment.photos, gains=factors, before=unexposed, after=composite)
-    trace("compositing.seamed", labels=labels, picture=composite, names=[p.name for p in alignment.photos])
-    _trace_bands(picture, trace)
+    if trace is not silent:  # pictures that nobody else needs
+        unexposed, _ = hard_composite([_piece(n, layer, extended, small.region) for n, layer in pieces], covered.shape)
+        trace("compositing.exposed", photos=alignment.photos, gains=factors, before=unexposed, after=composite)
+        trace("compositing.seamed", labels=labels, picture=composite, names=[p.name for p in alignment.photos])
+        _trace_bands(picture, trace)
     trace("compositing.cropped", picture=picture, coverage=covered, crop=kept, reason=reason)
     changes = _changes(count, exposed, blended, small)
-    return Plan(factors, factor, extended, changes, places, kept.times(factor) & canvas.region, reason)
+    return Plan(factors, factor, extended, changes, kept.times(factor) & canvas.region, reason)
 
 
 def _warp_all(
@@ -114,8 +115,6 @@ def _changes(
 
 def _trace_bands(picture: NDArray[np.float32], trace: Trace, levels: int = 5) -> None:
     """Show the bands of the blended picture, fine to coarse, then the low-pass."""
-    if trace is silent:
-        return
     for level in range(levels):
         smaller = cv2.pyrDown(picture)
         band = picture - cv2.pyrUp(smaller, dstsize=picture.shape[1::-1])

@@ -20,7 +20,6 @@ class Plan:
     labels:     (h, w) int16, which photo owns the pixel; NOBODY outside all photos
     changes:    for each photo, on its footprints: (h, w, 3) float32, what the blend of the low bands adds to it; empty
                 where nothing is blended on the reduced canvas
-    footprints: for each photo the region of the reduced canvas that it may touch
     crop:       the part of the canvas that is written
     crop_reason: why, one sentence
     """
@@ -29,7 +28,6 @@ class Plan:
     factor: int
     labels: NDArray[np.int16]
     changes: tuple[tuple[tuple[Region, NDArray[np.float32]], ...], ...]
-    footprints: tuple[tuple[Region, ...], ...]
     crop: Region
     crop_reason: str
 

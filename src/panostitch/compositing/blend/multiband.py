@@ -136,6 +136,8 @@ class _Bands:
 
 def _framed(array: Floats, frame: tuple[tuple[int, int], tuple[int, int]], *, wraps: bool) -> Floats:
     """The array with a margin: the other side's columns where it wraps, its own edge elsewhere."""
+    if not any(map(any, frame)):
+        return array
     rest = ((0, 0),) * (array.ndim - 2)
     framed = np.pad(array, ((0, 0), frame[1], *rest), mode="wrap" if wraps else "edge")
     return np.asarray(np.pad(framed, (frame[0], (0, 0), *rest), mode="edge"), np.float32)
