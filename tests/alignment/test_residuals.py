@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from alignment.planted import common_points, link_of
-from panostitch.alignment.residuals import Observation, in_a_row, linearise, reprojection, thinned
+from panostitch.alignment.residuals import in_a_row, linearise, reprojection, thinned
 from panostitch.geometry import rotation
+from panostitch.model.match import ControlPoints
 from panostitch.synthetic.scene import rig
 from tolerances import PIXEL
 
@@ -27,7 +28,7 @@ def planted(lens_i, lens_j, rng):
     second = rig([0.25], [-0.1], [-0.3], size=(700, 500), focal=650, k1=lens_j[0], k2=lens_j[1])[0]
     xy_i, xy_j = common_points(first, second, 30, rng)
     moved = replace(second, cam_from_world=rotation.exp(np.array([0.01, -0.02, 0.015])) @ second.cam_from_world)
-    return [first, moved], in_a_row([Observation(0, 1, xy_i, xy_j)])
+    return [first, moved], in_a_row([ControlPoints(0, 1, xy_i, xy_j)])
 
 
 def changed(cameras, column, step):
@@ -88,7 +89,7 @@ def test_points_behind_the_camera_are_far_off_and_pull_nowhere(rng):
 
 def test_swapped_is_the_same_pair_from_the_other_side(rng):
     xy_i, xy_j = rng.uniform(0, 500, (2, 20, 2))
-    one = Observation(2, 5, xy_i, xy_j)
+    one = ControlPoints(2, 5, xy_i, xy_j)
 
     assert (one.swapped().i, one.swapped().j) == (5, 2)
     assert one.swapped().xy_i is xy_j
@@ -98,7 +99,7 @@ def test_swapped_is_the_same_pair_from_the_other_side(rng):
 
 
 def test_in_a_row_keeps_pairs_apart(rng):
-    pairs = [Observation(i, j, *rng.uniform(0, 9, (2, n, 2))) for i, j, n in ((0, 1, 3), (1, 2, 5), (0, 2, 2))]
+    pairs = [ControlPoints(i, j, *rng.uniform(0, 9, (2, n, 2))) for i, j, n in ((0, 1, 3), (1, 2, 5), (0, 2, 2))]
 
     row = in_a_row(pairs)
 

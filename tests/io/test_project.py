@@ -124,7 +124,7 @@ def changed(data, *keys, to):
 BROKEN = {
     "another format": (("format",), "something", "panostitch"),
     "no format": (("format",), ..., "format"),
-    "next version": (("version",), 2, "version"),
+    "next version": (("version",), 3, "version"),
     "no version": (("version",), ..., "version"),
     "model unknown": (("model",), "cube", "panorama"),
     "no photos": (("photos",), [], "panorama"),

@@ -10,13 +10,13 @@ from panostitch.alignment.bundle import distances
 from panostitch.alignment.initialise import holds_together, spanning_tree
 from panostitch.alignment.model_choice import Choice, choose
 from panostitch.alignment.planar import planar_cameras
-from panostitch.alignment.residuals import Observation, thinned
+from panostitch.alignment.residuals import thinned
 from panostitch.alignment.straighten import straighten
 from panostitch.alignment.turning import turning_cameras
 from panostitch.errors import AlignmentError
 from panostitch.model.alignment import Alignment, LeftOut, LinkSummary
 from panostitch.model.camera import Camera
-from panostitch.model.match import VerifiedMatch
+from panostitch.model.match import ControlPoints, VerifiedMatch
 from panostitch.model.photo import Photo
 from panostitch.options import AlignmentOptions
 from panostitch.runtime.trace import Trace, silent
@@ -149,6 +149,6 @@ def _failure(photos: Sequence[Photo], fit: _Fit, pixel_size: float) -> Alignment
     )
 
 
-def _summary(cameras: Sequence[Camera], observation: Observation) -> LinkSummary:
+def _summary(cameras: Sequence[Camera], observation: ControlPoints) -> LinkSummary:
     errors = distances(cameras, observation)
     return LinkSummary(observation.i, observation.j, len(errors), float(np.sqrt((errors**2).mean())))

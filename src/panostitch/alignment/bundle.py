@@ -12,9 +12,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from panostitch.alignment.residuals import BEHIND, Matches, Observation, in_a_row, linearise, reprojection
+from panostitch.alignment.residuals import BEHIND, Matches, in_a_row, linearise, reprojection
 from panostitch.geometry import rotation
 from panostitch.model.camera import Camera
+from panostitch.model.match import ControlPoints
 
 Floats = NDArray[np.float64]
 
@@ -59,7 +60,7 @@ class Freedom:
 
 def adjust(
     cameras: Sequence[Camera],
-    observations: Sequence[Observation],
+    observations: Sequence[ControlPoints],
     freedom: Freedom,
     *,
     loss_scale: float,
@@ -92,7 +93,7 @@ def adjust(
     return Solution(current, cost)
 
 
-def distances(cameras: Sequence[Camera], observation: Observation) -> Floats:
+def distances(cameras: Sequence[Camera], observation: ControlPoints) -> Floats:
     """Distance (n,) px of each match in photo j; for cameras of any model."""
     there = cameras[observation.j].project(cameras[observation.i].rays(observation.xy_i))
     return np.asarray(np.nan_to_num(np.linalg.norm(there - observation.xy_j, axis=1), nan=BEHIND))

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from panostitch.alignment.initialise import SpanningTree, child_from_parent
-from panostitch.alignment.residuals import Observation
 from panostitch.geometry import homography
 from panostitch.model.camera import Camera
+from panostitch.model.match import ControlPoints
 from panostitch.model.photo import Photo
 
 Floats = NDArray[np.float64]
@@ -21,7 +21,7 @@ SWEEPS = 10
 
 
 def planar_cameras(
-    photos: Sequence[Photo], observations: Sequence[Observation], tree: SpanningTree, *, loss_scale: float
+    photos: Sequence[Photo], observations: Sequence[ControlPoints], tree: SpanningTree, *, loss_scale: float
 ) -> tuple[Camera, ...]:
     """Cameras whose `cam_from_world` sends plane coordinates (x, y, 1) to pixels."""
     plane_from_photo = [np.eye(3) for _ in photos]
@@ -36,7 +36,7 @@ def planar_cameras(
     )
 
 
-def _relax(plane_from_photo: list[Floats], observations: Sequence[Observation], root: int, loss_scale: float) -> None:
+def _relax(plane_from_photo: list[Floats], observations: Sequence[ControlPoints], root: int, loss_scale: float) -> None:
     """Refine one homography after the other against its neighbours, a few times round; the root stays."""
     both = [direction for o in observations for direction in (o, o.swapped())]
     for _ in range(SWEEPS):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from panostitch.geometry import lens
 from panostitch.geometry.rotation import cross_matrix
 from panostitch.model.camera import Camera
-from panostitch.model.match import VerifiedMatch
+from panostitch.model.match import ControlPoints, VerifiedMatch
 
 Floats = NDArray[np.float64]
 
@@ -22,24 +22,10 @@ MATCHES_PER_LINK = 200  # more make the adjustment slower, not better
 BEHIND = 1e3  # px, residual of a point that camera j cannot see; finite, so that a bad start can still improve
 
 
-@dataclass(frozen=True)
-class Observation:
-    """Matched points (n, 2) px of photos i and j."""
-
-    i: int
-    j: int
-    xy_i: Floats
-    xy_j: Floats
-
-    def swapped(self) -> "Observation":
-        """The same matches seen from the other photo."""
-        return Observation(self.j, self.i, self.xy_j, self.xy_i)
-
-
-def thinned(link: VerifiedMatch, most: int = MATCHES_PER_LINK) -> Observation:
+def thinned(link: VerifiedMatch, most: int = MATCHES_PER_LINK) -> ControlPoints:
     """At most `most` matches of a link, evenly from all of them: they come spread over the photo."""
     index = np.linspace(0, link.inliers - 1, min(link.inliers, most)).astype(int)
-    return Observation(link.i, link.j, link.xy_i[index], link.xy_j[index])
+    return ControlPoints(link.i, link.j, link.xy_i[index], link.xy_j[index])
 
 
 @dataclass(frozen=True)
@@ -53,7 +39,7 @@ class Matches:
     bounds: NDArray[np.intp]
 
 
-def in_a_row(observations: Sequence[Observation]) -> Matches:
+def in_a_row(observations: Sequence[ControlPoints]) -> Matches:
     """All matches of all pairs, pair by pair."""
     counts = [len(o.xy_i) for o in observations]
     return Matches(

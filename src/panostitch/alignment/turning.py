@@ -7,10 +7,10 @@ import numpy as np
 
 from panostitch.alignment.bundle import Freedom, Solution, adjust
 from panostitch.alignment.initialise import focal_candidates, initial_cameras, lens_groups, spanning_tree
-from panostitch.alignment.residuals import Observation, thinned
+from panostitch.alignment.residuals import thinned
 from panostitch.geometry import lens
 from panostitch.model.camera import Camera
-from panostitch.model.match import VerifiedMatch
+from panostitch.model.match import ControlPoints, VerifiedMatch
 from panostitch.model.photo import Photo
 
 MATCHES_TO_START = 40  # of each link: enough to tell a good start from a bad one
@@ -69,7 +69,7 @@ def _best_start(
 
 
 def _roughly(
-    cameras: Sequence[Camera], observations: Sequence[Observation], freedom: Freedom, scale: float
+    cameras: Sequence[Camera], observations: Sequence[ControlPoints], freedom: Freedom, scale: float
 ) -> Solution:
     return adjust(cameras, observations, freedom, loss_scale=scale, max_steps=START_STEPS, tolerance=START_TOLERANCE)
 

@@ -8,7 +8,17 @@ from typing import Any
 from panostitch.errors import InputError
 from panostitch.io.readers import open_photo
 from panostitch.io.writers import write_bytes
-from panostitch.model.alignment import FORMAT, FORMAT_VERSION, Alignment, LeftOut, LinkSummary, camera_from_json
+from panostitch.model.alignment import (
+    FORMAT,
+    FORMAT_VERSION,
+    Alignment,
+    LeftOut,
+    LinkSummary,
+    PairTried,
+    Uncertainty,
+    camera_from_json,
+    control_points_from_json,
+)
 from panostitch.model.photo import Photo
 
 EXTENSION = ".pano.json"
@@ -42,12 +52,21 @@ def read_project(path: str) -> Alignment:
             rms=float(data["rms"]),
             p95=float(data["p95"]),
             reason=str(data["reason"]),
+            control_points=tuple(control_points_from_json(entry) for entry in data["control_points"]),
+            held_back_rms=_number(data["held_back_rms"]),
+            held_back_p95=_number(data["held_back_p95"]),
+            uncertainties=tuple(Uncertainty(**entry) for entry in data["uncertainties"]),
+            pairs=tuple(PairTried(**entry) for entry in data["pairs"]),
         )
     except InputError:
         raise
     except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
         what = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise InputError(f"{path}: not a sound project file: {what}") from None
+
+
+def _number(value: Any) -> float | None:
+    return None if value is None else float(value)
 
 
 def _load(path: str) -> dict[str, Any]:

@@ -6,10 +6,11 @@ from typing import Any, Literal
 import numpy as np
 
 from panostitch.model.camera import Camera
+from panostitch.model.match import ControlPoints
 from panostitch.model.photo import Photo
 
 FORMAT = "panostitch alignment"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,33 @@ class LinkSummary:
 
 
 @dataclass(frozen=True)
+class PairTried:
+    """What came of a pair of photos (names) whose features were compared.
+
+    matches: by descriptors alone; inliers: those that one homography explains; needed: as many make a link
+    overlap: share of the smaller photo, 0 to 1; error: rms px of the inliers under the homography, 0 without a link
+    verdict: why there is no link; empty where there is one
+    """
+
+    first: str
+    second: str
+    matches: int
+    inliers: int
+    needed: int
+    overlap: float
+    error: float
+    verdict: str
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Standard errors of a camera, from the normal equations: its direction (radians) and its focal length (px)."""
+
+    turn: float
+    focal: float
+
+
+@dataclass(frozen=True)
 class Alignment:
     """Cameras of photos that form one panorama.
 
@@ -41,8 +69,13 @@ class Alignment:
     links:    the pairs that hold it together
     dropped:  pairs that matched, but contradict all others
     left_out: photos that were given but are not part of it
-    rms, p95: of the distance of matched points under the cameras, full-resolution px
+    rms, p95: of the distance of the control points under the cameras, full-resolution px
     reason:   why this model was taken, one sentence
+    control_points: what the cameras rest on, pair by pair as in `links`
+    held_back_rms, held_back_p95: the same as rms and p95, of control points that the cameras were not adjusted to;
+              None where there were too few to hold any back
+    uncertainties: of each camera; empty where they are not known
+    pairs:    every pair of photos that was compared, those of photos that were left out included
     """
 
     model: Literal["rotation", "homography"]
@@ -54,6 +87,11 @@ class Alignment:
     p95: float
     reason: str = ""
     dropped: tuple[LinkSummary, ...] = ()
+    control_points: tuple[ControlPoints, ...] = ()
+    held_back_rms: float | None = None
+    held_back_p95: float | None = None
+    uncertainties: tuple[Uncertainty, ...] = ()
+    pairs: tuple[PairTried, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The content of a project file; paths as the photos have them."""
@@ -64,6 +102,8 @@ class Alignment:
             "reason": self.reason,
             "rms": self.rms,
             "p95": self.p95,
+            "held_back_rms": self.held_back_rms,
+            "held_back_p95": self.held_back_p95,
             "photos": [
                 {
                     "name": photo.name,
@@ -80,6 +120,12 @@ class Alignment:
             "links": [vars(link) for link in self.links],
             "dropped": [vars(link) for link in self.dropped],
             "left_out": [vars(photo) for photo in self.left_out],
+            "uncertainties": [vars(one) for one in self.uncertainties],
+            "control_points": [
+                {"i": points.i, "j": points.j, "xy_xy": np.hstack([points.xy_i, points.xy_j]).round(4).tolist()}
+                for points in self.control_points
+            ],
+            "pairs": [vars(pair) for pair in self.pairs],
         }
 
 
@@ -94,3 +140,11 @@ def camera_from_json(data: dict[str, Any]) -> Camera:
     if abs(np.linalg.det(matrix)) < 1e-12:
         raise ValueError("camera matrix is singular")
     return Camera((width, height), focal, (x, y), matrix, k1, k2)
+
+
+def control_points_from_json(data: dict[str, Any]) -> ControlPoints:
+    """One entry of the control points of a project file. Nonsense raises KeyError, TypeError or ValueError."""
+    points = np.array(data["xy_xy"], np.float64).reshape(-1, 4)
+    if not np.isfinite(points).all():
+        raise ValueError("control points are not finite")
+    return ControlPoints(int(data["i"]), int(data["j"]), points[:, :2].copy(), points[:, 2:].copy())

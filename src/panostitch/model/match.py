@@ -54,6 +54,27 @@ class VerifiedMatch:
 
 
 @dataclass(frozen=True)
+class ControlPoints:
+    """Points (n, 2) px of photos i and j that show the same thing."""
+
+    i: int
+    j: int
+    xy_i: Floats
+    xy_j: Floats
+
+    def __len__(self) -> int:
+        return len(self.xy_i)
+
+    def swapped(self) -> "ControlPoints":
+        """The same points seen from the other photo."""
+        return ControlPoints(self.j, self.i, self.xy_j, self.xy_i)
+
+    def take(self, index: NDArray[np.integer] | NDArray[np.bool_]) -> "ControlPoints":
+        """Those with these indices."""
+        return ControlPoints(self.i, self.j, self.xy_i[index], self.xy_j[index])
+
+
+@dataclass(frozen=True)
 class Rejection:
     """Why photos i < j are not linked; falsy, so that `if link` reads well.
 
