@@ -190,7 +190,8 @@ def as_the_rival(alignment: Alignment, comparison: Comparison) -> Panorama:
 def registration_residual(a: Masked, b: Masked) -> float | None:
     """Median distance px of SIFT matches of two pictures after the similarity that fits them best."""
     pictures = [Photo(name, source.mask.shape[::-1], source) for name, source in (("a", a), ("b", b))]
-    found = [f for f in detect(pictures, FeatureOptions(work_megapixels=4.0)) if isinstance(f, Features)]
+    options = FeatureOptions(work_megapixels=4.0, max_features=2000)
+    found = [f for f in detect(pictures, options) if isinstance(f, Features)]
     (putative,) = match(found, [(0, 1)], MatchingOptions(ratio=0.7))
     if len(putative.pairs) < FEWEST_MATCHES:
         return None

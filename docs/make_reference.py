@@ -25,14 +25,20 @@ def options_page() -> str:
         lines.append("|---|---|---|---|")
         for field in dataclasses.fields(stage):
             name = "--" + field.name.replace("_", "-")
-            lines.append(f"| `{name}` | {field.metadata['help']} | {_values(field)} | `{field.default}` |")
+            lines.append(f"| `{name}` | {field.metadata['help']} | {_values(field)} | {_default(field)} |")
     return "\n".join(lines) + "\n"
 
 
 def _values(field: dataclasses.Field) -> str:
     if get_origin(field.type) is Literal:
         return ", ".join(f"`{value}`" for value in get_args(field.type))
+    if field.metadata["min"] is None:
+        return "text"
     return f"{field.metadata['min']:g} to {field.metadata['max']:g}"
+
+
+def _default(field: dataclasses.Field) -> str:
+    return "" if field.default is None else f"`{field.default}`"
 
 
 def exit_codes_page() -> str:

@@ -14,6 +14,15 @@ def option(default: Any, help: str, *, min: float | None = None, max: float | No
     return field(default=default, metadata={"help": help, "min": min, "max": max})
 
 
+# What each detector needs: megapixels and key points. SIFT doubles pictures by itself, and needs fewest of its points.
+WORK_MEGAPIXELS = {"sift": 0.25, "surf": 1.0, "orb": 1.0, "akaze": 1.0}
+MAX_FEATURES = {"sift": 1000, "surf": 2000, "orb": 2000, "akaze": 2000}
+
+
+def _list(table: dict[str, float] | dict[str, int]) -> str:
+    return ", ".join(f"{name} {value:g}" for name, value in table.items())
+
+
 @dataclass(frozen=True)
 class FeatureOptions:
     """Stage 1: key points and their descriptors."""
@@ -21,10 +30,28 @@ class FeatureOptions:
     detector: Literal["sift", "surf", "orb", "akaze"] = option(
         "sift", "Key points and descriptors. sift: most exact; orb: quickest."
     )
-    max_features: int = option(2000, "Key points kept in each photo, spread over it.", min=50, max=100_000)
-    work_megapixels: float = option(
-        1.0, "Size to which photos are reduced before key points are sought.", min=0.05, max=100.0
+    max_features: int | None = option(
+        None, f"Key points kept in each photo, spread over it; else {_list(MAX_FEATURES)}.", min=50, max=100_000
     )
+    work_megapixels: float | None = option(
+        None,
+        f"Size to which photos are reduced before key points are sought; else {_list(WORK_MEGAPIXELS)}.",
+        min=0.05,
+        max=100.0,
+    )
+    contrast: Literal["own", "local"] = option(
+        "own", "Seek key points in the photos as they are (own), or with the contrast evened out everywhere (local)."
+    )
+
+    @property
+    def megapixels(self) -> float:
+        """Size to which photos are reduced: the one that was asked for, or the detector's."""
+        return WORK_MEGAPIXELS[self.detector] if self.work_megapixels is None else self.work_megapixels
+
+    @property
+    def count(self) -> int:
+        """Key points kept in each photo: as many as were asked for, or the detector's."""
+        return MAX_FEATURES[self.detector] if self.max_features is None else self.max_features
 
 
 @dataclass(frozen=True)
@@ -46,15 +73,25 @@ class MatchingOptions:
         min=0.1,
         max=100.0,
     )
-    seed: int = option(0, "Seed of everything random: RANSAC's samples, FLANN's trees.", min=0, max=2**31 - 1)
+    retries: Literal["auto", "none"] = option(
+        "auto", "Search photos that stay alone again: with more pixels, more contrast, another detector (auto)."
+    )
+    seed: int = option(
+        0, "Seed of everything random: RANSAC's samples, FLANN's trees, words of the vocabulary.", min=0, max=2**31 - 1
+    )
 
 
 @dataclass(frozen=True)
 class AlignmentOptions:
     """Stage 3: from matches to cameras."""
 
-    model: Literal["auto", "rotation", "homography"] = option(
-        "auto", "Camera turned about one point (rotation), flat subject (homography), or what fits (auto)."
+    model: Literal["auto", "rotation", "similarity", "affine", "homography"] = option(
+        "auto",
+        "Camera turned about one point (rotation); flat subject: scans (similarity), taken from far away (affine), "
+        "from anywhere (homography); or what fits (auto).",
+    )
+    refine: Literal["full", "none"] = option(
+        "full", "Measure control points again on the full photos (full), or take them as key points are (none)."
     )
     straighten: Literal["auto", "none"] = option("auto", "Level the horizon, or keep the first photo's axes.")
 
@@ -72,6 +109,10 @@ class LayoutOptions:
         "Largest rectangle without empty corners (full), the whole canvas (none), "
         "or the rectangle unless it loses much (auto).",
     )
+    yaw: float = option(0.0, "Turn the view to the right, in degrees.", min=-360.0, max=360.0)
+    pitch: float = option(0.0, "Turn the view up, in degrees.", min=-90.0, max=90.0)
+    roll: float = option(0.0, "Turn the view, not the picture, clockwise, in degrees.", min=-360.0, max=360.0)
+    center_on: str | None = option(None, "Name of the photo that is to be in the middle, before any turn.")
 
 
 @dataclass(frozen=True)

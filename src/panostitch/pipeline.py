@@ -3,32 +3,22 @@
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from panostitch.alignment import align_group
 from panostitch.compositing import lay_out, make_panorama, make_plan
-from panostitch.errors import InputError, NoOverlapError
-from panostitch.features import detect
-from panostitch.matching import choose_pairs, explain_left_out, find_groups, match, verify
+from panostitch.compositing.view import look
+from panostitch.errors import NoOverlapError
+from panostitch.matching import explain_left_out, pairs_tried
 from panostitch.model.alignment import Alignment, LeftOut
-from panostitch.model.features import Features
-from panostitch.model.match import Groups, Link, VerifiedMatch
+from panostitch.model.match import VerifiedMatch
 from panostitch.model.panorama import Panorama
 from panostitch.model.photo import Photo
 from panostitch.options import Options
+from panostitch.recognition import Recognition, recognise
 from panostitch.runtime.executor import Executor, serial
 from panostitch.runtime.trace import Trace, silent
 
-
-@dataclass(frozen=True)
-class Recognition:
-    """What the matches say of a heap of photos: which belong together, which are linked, which cannot be read."""
-
-    photos: tuple[Photo, ...]
-    features: tuple[Features, ...]
-    links: tuple[Link, ...]
-    groups: Groups
-    unreadable: tuple[LeftOut, ...]
+__all__ = ["Recognition", "align", "align_panorama", "left_out", "no_overlap", "recognise", "render"]
 
 
 def align(photos: Sequence[Photo], options: Options, *, run: Executor = serial, trace: Trace = silent) -> Alignment:
@@ -39,29 +29,12 @@ def align(photos: Sequence[Photo], options: Options, *, run: Executor = serial, 
     recognition = recognise(photos, options, run=run, trace=trace)
     if not recognition.groups.panoramas:
         raise no_overlap(recognition)
-    return align_panorama(recognition, 0, options, trace=trace)
+    return align_panorama(recognition, 0, options, run=run, trace=trace)
 
 
-def recognise(
-    photos: Sequence[Photo], options: Options, *, run: Executor = serial, trace: Trace = silent
-) -> Recognition:
-    """Features, matches, links, groups. Raises InputError where fewer than two photos can be read."""
-    trace("photos.read", photos=photos)
-    found = detect(photos, options.features, run=run, trace=trace)
-    failures = [(p, f) for p, f in zip(photos, found, strict=True) if isinstance(f, InputError)]
-    if failures and len(photos) - len(failures) < 2:
-        raise _unreadable(failures)
-    unreadable = [LeftOut(p.name, f.message.removeprefix(f"{p.path}: "), hint=f.hint) for p, f in failures]
-    photos = [p for p, f in zip(photos, found, strict=True) if isinstance(f, Features)]
-    features = [f for f in found if isinstance(f, Features)]
-    matches = match(features, choose_pairs(len(photos)), options.matching, run=run)
-    links = verify(photos, features, matches, options.matching, run=run, trace=trace)
-    groups = find_groups(len(photos), links)
-    trace("matching.grouped", photos=photos, links=links, groups=groups)
-    return Recognition(tuple(photos), tuple(features), tuple(links), groups, tuple(unreadable))
-
-
-def align_panorama(recognition: Recognition, number: int, options: Options, *, trace: Trace = silent) -> Alignment:
+def align_panorama(
+    recognition: Recognition, number: int, options: Options, *, run: Executor = serial, trace: Trace = silent
+) -> Alignment:
     """Cameras of one group of photos that belong together."""
     members = recognition.groups.panoramas[number]
     place = {photo: n for n, photo in enumerate(members)}
@@ -76,26 +49,23 @@ def align_panorama(recognition: Recognition, number: int, options: Options, *, t
         options.alignment,
         pixel_size=max(recognition.features[n].pixel_size for n in members),
         left_out=left_out(recognition, members),
+        pairs=pairs_tried(recognition.photos, recognition.features, recognition.links),
+        run=run,
         trace=trace,
     )
 
 
 def render(alignment: Alignment, options: Options, *, run: Executor = serial, trace: Trace = silent) -> Panorama:
     """The panorama of an alignment; its pixels are made when a region is read."""
+    alignment = look(alignment, options.layout)
     canvas = lay_out(alignment, options.layout, trace=trace)
     plan = make_plan(alignment, canvas, options.compositing, options.layout.crop, run=run, trace=trace)
     return make_panorama(alignment, canvas, plan, options.compositing)
 
 
-def _unreadable(failures: Sequence[tuple[Photo, InputError]]) -> InputError:
-    """The error for too few photos that can be read."""
-    first = failures[0][1]
-    return InputError(first.message, details=tuple(error.message for _, error in failures[1:]), hint=first.hint)
-
-
 def left_out(recognition: Recognition, kept: Sequence[int]) -> list[LeftOut]:
     """Why each photo that is not among the kept ones (indices) is not in a panorama."""
-    lonely = explain_left_out(recognition.photos, recognition.links, recognition.groups, kept)
+    lonely = explain_left_out(recognition.photos, recognition.links, recognition.groups, kept, recognition.attempts)
     return [*recognition.unreadable, *lonely]
 
 

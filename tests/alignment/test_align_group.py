@@ -247,7 +247,7 @@ def test_photos_of_a_plane_are_fitted_to_all_their_neighbours(monkeypatch):
     links = planted_links(true, np.random.default_rng(3), noise=NOISE)
 
     fitted = score(true, aligned(true, links, model="homography").cameras).rms
-    monkeypatch.setattr(planar, "SWEEPS", 0)
+    monkeypatch.setattr(planar, "MAX_STEPS", 0)
     chained = score(true, aligned(true, links, model="homography").cameras).rms
 
     assert NOISY_PX[0] < fitted < chained / FITTED_BETTER

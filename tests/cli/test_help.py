@@ -112,7 +112,8 @@ def test_every_option_is_told_with_its_default(stage, field, help_of):
     for arguments in ([], *([name] for name in TAKES if stage in TAKES[name])):
         told = entry(help_of(*arguments), field.name)
         assert squeezed(field.metadata["help"]) in told
-        assert re.search(r"\[default: ([^;\]]*)", told)[1].strip() == str(field.default)
+        default = re.search(r"\[default: ([^;\]]*)", told)
+        assert (default and default[1].strip()) == (None if field.default is None else str(field.default))
         if field.metadata["min"] is not None:
             assert f"{field.metadata['min']}<=x<={field.metadata['max']}" in told
         if get_origin(field.type) is Literal:

@@ -271,3 +271,22 @@ def test_a_tiff_that_lost_a_tag_is_not_a_bug(tmp_path):
         open_photo(tmp_path / "a.tif")
     except Exception as error:
         assert type(error).__name__ == "InputError"  # noqa: PT017 - that it opens is as good
+
+
+@pytest.mark.parametrize(
+    ("lens", "seconds"),
+    [
+        ({Base.DateTimeOriginal: "1970:01:02 00:00:01", Base.SubsecTimeOriginal: "25"}, 86401.25),
+        ({Base.DateTimeOriginal: "1970:01:02 00:00:01", Base.SubsecTimeOriginal: "²x"}, 86401.0),
+        ({Base.DateTimeOriginal: "1970:01:02 00:00:01"}, 86401.0),
+        ({Base.DateTimeOriginal: "0000:00:00 00:00:00"}, None),
+        ({Base.DateTimeOriginal: "    :  :     :  :  "}, None),
+        ({Base.DateTimeOriginal: 7}, None),
+        ({Base.SubsecTimeOriginal: "25"}, None),
+        ({}, None),
+    ],
+)
+def test_when_a_photo_was_taken(lens, seconds, upright, tmp_path):
+    Image.fromarray(upright).save(tmp_path / "a.jpg", exif=exif(lens=lens))
+
+    assert open_photo(str(tmp_path / "a.jpg")).taken == seconds

@@ -11,7 +11,8 @@ import pytest
 from PIL import Image, ImageFile, PngImagePlugin, TiffImagePlugin
 
 from panostitch.errors import InputError
-from panostitch.io.readers import natural_key, open_photo, open_photos
+from panostitch.io.readers import open_photo, open_photos
+from panostitch.model.photo import natural_key
 from tolerances import JPEG_MEAN
 
 # Grey levels, mean and largest difference of a reduced reading from the full one, averaged over areas.

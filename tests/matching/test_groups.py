@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from panostitch.matching import choose_pairs, explain_left_out, find_groups
+from panostitch.matching import explain_left_out, find_groups
+from panostitch.model.features import Attempt
 from panostitch.model.match import Groups, Rejection, VerifiedMatch
 from panostitch.model.photo import Photo
 from panostitch.synthetic.render import ArraySource
@@ -50,11 +51,6 @@ def test_order_of_links_does_not_matter(rng):
     assert everyone == list(range(30))
 
 
-def test_each_pair_is_tried_once():
-    assert choose_pairs(4) == [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]
-    assert choose_pairs(1) == choose_pairs(0) == []
-
-
 def test_a_lonely_photo_is_told_its_best_partner_and_the_numbers():
     links = [
         link(0, 1),
@@ -68,6 +64,19 @@ def test_a_lonely_photo_is_told_its_best_partner_and_the_numbers():
     assert left_out.reason == "overlaps no other photo"
     assert left_out.details == ("best partner: p1.jpg, 30 matches, 11 agree (18 needed): too few matches agree",)
     assert left_out.hint
+
+
+def test_a_lonely_photo_is_told_how_it_was_sought_and_how_far_the_best_pair_overlaps():
+    links = [Rejection(0, 1, "too few matches agree", putative=18, inliers=5, needed=12, overlap=0.06)]
+    attempts = [(Attempt("sift", 0.25), Attempt("akaze", 1.0, "local")), (Attempt("sift", 0.25),)]
+
+    first, second = explain_left_out(photos_of(2), links, find_groups(2, links), kept=(), attempts=attempts)
+
+    assert first.details == (
+        "best partner: p1.jpg, 18 matches, 5 agree (12 needed), overlap about 6%: too few matches agree",
+        "tried: sift at 0.25 MP, akaze at 1 MP with evened contrast",
+    )
+    assert second.details[1] == "tried: sift at 0.25 MP"
 
 
 def test_more_matches_break_a_tie_of_inliers():

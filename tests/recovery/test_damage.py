@@ -8,21 +8,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from panostitch import features, pipeline
-from panostitch.alignment import residuals
+from panostitch import features, matching, recognition
+from panostitch.alignment import refine, registration, residuals
 from panostitch.compositing import exposure, lay_out, make_plan, warp
 from panostitch.compositing.blend import multiband
 from panostitch.errors import AlignmentError, NoOverlapError
 from panostitch.geometry import lens
-from panostitch.matching import ratio, verify
+from panostitch.matching import ratio
 from panostitch.model.match import VerifiedMatch
 from panostitch.options import Options
 from panostitch.synthetic.render import photograph_plan
 from recovery.bounds import (
     BARREL_PX,
+    BARREL_REFINED_PX,
     GAINS_LEFT,
     HOUSE_PX,
     SMALL_PX,
+    SMALL_REFINED_PX,
     VIEW_LEVELS,
     aligned,
     error_of,
@@ -47,10 +49,11 @@ def through(monkeypatch, change):
     """Every verified link goes through `change` before it reaches the alignment."""
 
     def changed(*args, **kwargs):
-        links = verify(*args, **kwargs)
+        links = healthy(*args, **kwargs)
         return [change(link) if isinstance(link, VerifiedMatch) else link for link in links]
 
-    monkeypatch.setattr(pipeline, "verify", changed)
+    healthy = matching.verify
+    monkeypatch.setattr(matching, "verify", changed)
 
 
 LINK_DAMAGES = {
@@ -72,17 +75,17 @@ def test_damaged_links(small, monkeypatch, damage):
 
 
 def test_photos_of_a_match_swapped(small, monkeypatch):
-    healthy = pipeline.match
+    healthy = matching.match
 
     def swapped(*args, **kwargs):
         return [replace(match, pairs=match.pairs[:, ::-1]) for match in healthy(*args, **kwargs)]
 
-    monkeypatch.setattr(pipeline, "match", swapped)
+    monkeypatch.setattr(matching, "match", swapped)
     # pairs name features of the other photo: keep the numbers inside both
     fewest = 900
-    detect = pipeline.detect
+    detect = recognition.detect
     monkeypatch.setattr(
-        pipeline, "detect", lambda *args, **kwargs: [f.take(np.arange(fewest)) for f in detect(*args, **kwargs)]
+        recognition, "detect", lambda *args, **kwargs: [f.take(np.arange(fewest)) for f in detect(*args, **kwargs)]
     )
 
     assert is_noticed(small, SMALL_PX)
@@ -94,17 +97,6 @@ def test_cameras_given_to_the_wrong_photos(small):
     assert view_error(small, wrong) > VIEW_LEVELS
 
 
-def test_ratio_test_skipped(house, monkeypatch):
-    def without(neighbours, ratio_limit):
-        del ratio_limit
-        return healthy(neighbours, 1.0)
-
-    healthy = ratio.believable
-    monkeypatch.setattr(ratio, "believable", without)
-
-    assert is_noticed(house, HOUSE_PX, work_megapixels=Options().features.work_megapixels)
-
-
 def test_mutual_agreement_and_ratio_test_skipped(house, monkeypatch):
     monkeypatch.setattr(
         ratio,
@@ -112,7 +104,7 @@ def test_mutual_agreement_and_ratio_test_skipped(house, monkeypatch):
         lambda neighbours, _: np.column_stack([np.arange(len(neighbours.index)), neighbours.index]).astype(np.int32),
     )
 
-    assert is_noticed(house, HOUSE_PX, work_megapixels=Options().features.work_megapixels)
+    assert is_noticed(house, HOUSE_PX, work_megapixels=1.0)
 
 
 @pytest.mark.parametrize("shift", [(1.0, 0.0), (0.0, 1.0), (-0.5, -0.5)])
@@ -133,6 +125,39 @@ def test_half_pixels_forgotten_in_rescaling(small, monkeypatch, megapixels):
     monkeypatch.setattr(features, "rescale", lambda xy, factor: np.asarray(xy, np.float64) * factor)
 
     assert is_noticed(small, SMALL_PX, work_megapixels=megapixels)
+
+
+def test_patches_resampled_a_tenth_of_a_pixel_off(small, monkeypatch):
+    healthy = registration._resampled
+    monkeypatch.setattr(registration, "_resampled", lambda grey, at, how: healthy(grey, at + np.array([0.1, 0.0]), how))
+
+    assert is_noticed(small, SMALL_REFINED_PX, refine="full")
+
+
+def test_patches_of_the_wrong_shape(barrel, monkeypatch):
+    """As if photos only slid over each other: third-order errors, that cost a tenth of a pixel at the edges."""
+    healthy = registration._map
+
+    def slid(camera_i, camera_j, centre):
+        at = healthy(camera_i, camera_j, centre)
+        down, across = np.meshgrid(registration.NODES, registration.NODES, indexing="ij")
+        return at[:, 1:2, 1:2] + np.stack([across, down], axis=-1)
+
+    monkeypatch.setattr(registration, "_map", slid)
+
+    assert is_noticed(barrel, BARREL_REFINED_PX, refine="full")
+
+
+def test_control_points_not_moved_to_whole_pixels(small, monkeypatch):
+    healthy = refine.measured_again
+
+    def measured(points, *args):
+        found = healthy(points, *args)
+        return replace(found, xy_i=points.xy_i[found.index])
+
+    monkeypatch.setattr(refine, "measured_again", measured)
+
+    assert is_noticed(small, SMALL_REFINED_PX, refine="full")
 
 
 @pytest.mark.parametrize("shift", [(1, 0), (0, 1)])

@@ -9,7 +9,8 @@ from scipy.ndimage import map_coordinates
 
 from panostitch.geometry.rotation import exp
 from panostitch.model.camera import Camera
-from panostitch.synthetic.render import GAMMA, ArraySource, photograph, photograph_plan
+from panostitch.runtime.executor import Executor
+from panostitch.synthetic.render import GAMMA, ArraySource, focal_length, photograph, photograph_plan
 from panostitch.synthetic.scene import PLANS, plane_scene, rig, sphere_scene
 from panostitch.synthetic.textures import procedural_texture
 
@@ -181,11 +182,37 @@ def test_plan_yields_photos():
     cameras = rig([-0.2, 0.2], size=(90, 61), focal=80)
     photos = photograph_plan(scene, cameras, exposures=[0.0, 0.5], focal_known=True)
     assert [photo.name for photo in photos] == ["photo_01", "photo_02"]
-    assert [(photo.size, photo.focal) for photo in photos] == [((90, 61), 80.0)] * 2
+    assert [photo.size for photo in photos] == [(90, 61)] * 2
+    # 80 px are 31.84 mm of full frame; metadata state 31.8
+    assert [photo.lens for photo in photos] == ["synthetic 31.8 mm"] * 2
+    assert [photo.focal for photo in photos] == [pytest.approx(80 * 31.8 / 31.839, rel=1e-4)] * 2
     assert photograph_plan(scene, cameras)[0].focal is None
     pixels, mask = photos[1].source.read()
     np.testing.assert_array_equal(pixels, photograph(scene, cameras[1], exposure=0.5))
     assert mask is None
+
+
+def test_zoomed_photos_have_each_a_lens_of_its_own():
+    cameras = [camera.scaled((60, 45)) for camera in PLANS["zoomed"]()]
+    photos = photograph_plan(sphere_scene(texture()), cameras, supersample=1, focal_known=True)
+    assert len({photo.lens for photo in photos}) == len(photos)
+    for photo, camera in zip(photos, cameras, strict=True):
+        assert photo.focal == pytest.approx(camera.focal, rel=2e-3)
+        assert f"{focal_length(camera):g} mm" in photo.lens
+
+
+def test_threads_change_nothing():
+    cameras = rig([-0.2, 0.0, 0.2], size=(60, 45), focal=80)
+    one, many = (
+        photograph_plan(
+            sphere_scene(texture()), cameras, noise=2.0, rng=np.random.default_rng(3), run=Executor(threads)
+        )
+        for threads in (1, 3)
+    )
+    for a, b in zip(one, many, strict=True):
+        np.testing.assert_array_equal(a.source.pixels, b.source.pixels)
+    # the noise of one photo is not that of another
+    assert (one[0].source.pixels != one[1].source.pixels).any()
 
 
 def test_a_flat_plan_has_no_focal_length():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from panostitch.geometry.rotation import angle
+from panostitch.synthetic.plans import SIZE
 from panostitch.synthetic.scene import (
     FLAT_PLANS,
     PLANS,
@@ -14,7 +15,8 @@ from panostitch.synthetic.scene import (
     sphere_scene,
     step_for_overlap,
 )
-from panostitch.synthetic.score import pair_errors
+from panostitch.synthetic.score import GRID, pair_errors
+from panostitch.synthetic.textures import even_on_sphere
 
 EXACT = 1e-9  # px or radians: closed forms in float64
 SEAM_RATIO = 1.3  # step across the texture's edge per mean step between columns; 1 but for chance
@@ -109,6 +111,79 @@ def test_cameras_that_turn_are_rotations(name):
     for camera in PLANS[name]():
         matrix = camera.cam_from_world
         np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), atol=EXACT)
+
+
+def shares(cameras):
+    """Part (n, n) of photo i that photo j sees too."""
+    points = GRID[0] * GRID[1]
+    return np.array([[0 if a is b else len(pair_errors((a, b), (a, b))) / points for b in cameras] for a in cameras])
+
+
+# least and most of the share that a photo has in common with the one it overlaps most
+BEST_SHARE = {
+    "pair": (0.45, 0.5),
+    "low_overlap": (0.13, 0.17),
+    "mosaic": (0.3, 0.5),
+    "sphere": (0.3, 0.55),
+    "zoomed": (0.35, 0.7),
+}
+
+
+@pytest.mark.parametrize("name", BEST_SHARE)
+def test_overlap_of_a_plan(name):
+    best = shares(PLANS[name]()).max(1)
+    low, high = BEST_SHARE[name]
+    assert best.min() > low
+    assert best.max() < high
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_photos_of_every_plan_are_of_one_size(name):
+    assert {camera.size for camera in PLANS[name]()} == {SIZE}
+
+
+def test_mosaic_is_five_by_eight_and_holds_together():
+    cameras = PLANS["mosaic"]()
+    assert len(cameras) == 40
+    neighbours = (shares(cameras) > 0.2).sum(1)
+    # two in the corners, four in the middle
+    assert neighbours.min() >= 2
+    assert neighbours.max() >= 4
+
+
+def test_sphere_leaves_nothing_out():
+    cameras = PLANS["sphere"]()
+    directions = np.random.default_rng(0).normal(size=(20_000, 3))
+    seen = np.zeros(len(directions), bool)
+    for camera in cameras:
+        at = camera.project(directions)
+        seen |= ((at >= 0) & (at <= np.array(SIZE) - 1)).all(1)
+    assert seen.all()
+
+
+def test_zoomed_zooms():
+    focal = [camera.focal for camera in PLANS["zoomed"]()]
+    assert max(focal) / min(focal) == pytest.approx(1.6)
+    assert len(set(focal)) == len(focal)
+
+
+def test_barrel_is_bent_and_nothing_else_is():
+    for name, plan in PLANS.items():
+        assert {(c.k1, c.k2) for c in plan()} == ({(-0.12, 0.02)} if name == "barrel" else {(0.0, 0.0)})
+
+
+def test_even_texture_is_as_fine_at_the_poles_as_at_the_equator(texture):
+    even = even_on_sphere(texture)
+    np.testing.assert_array_equal(even[[255, 256]], texture[[255, 256]])
+    steps = np.abs(np.diff(even.astype(float), axis=1)).mean((1, 2))
+    # at 80 degrees a pixel is 5.8 times as narrow as at the equator: neighbours must differ less, as in the raw one not
+    high = int(512 * 10 / 180)
+    assert steps[high] < 0.5 * steps[256]
+    assert np.abs(np.diff(texture[high].astype(float), axis=0)).mean() > 0.6 * steps[256]
+    # the first row runs round the pole in three pixels
+    assert (even[0].std(0) < 0.3 * texture[0].std(0)).all()
+    # it still wraps
+    assert np.abs(even[:, 0].astype(float) - even[:, -1]).mean() < SEAM_RATIO * steps.mean()
 
 
 def test_ring_is_closed():

@@ -1,44 +1,35 @@
 """Stage 3: verified matches to cameras."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from panostitch.alignment.bundle import distances
-from panostitch.alignment.initialise import holds_together, spanning_tree
-from panostitch.alignment.model_choice import Choice, choose
-from panostitch.alignment.planar import planar_cameras
+from panostitch.alignment.bundle import distances, standard_errors
+from panostitch.alignment.fit import Fit, noise_scale, pruned, refitted, rough_fit, without_contradictions
+from panostitch.alignment.model_choice import Candidate, Choice, candidate, choose, flat_parameters, flat_to_try
+from panostitch.alignment.refine import refined
 from panostitch.alignment.residuals import thinned
 from panostitch.alignment.straighten import straighten
-from panostitch.alignment.turning import turning_cameras
 from panostitch.errors import AlignmentError
-from panostitch.model.alignment import Alignment, LeftOut, LinkSummary
+from panostitch.model.alignment import Alignment, LeftOut, LinkSummary, Model, PairTried, Uncertainty
 from panostitch.model.camera import Camera
 from panostitch.model.match import ControlPoints, VerifiedMatch
 from panostitch.model.photo import Photo
 from panostitch.options import AlignmentOptions
+from panostitch.runtime.executor import Executor, serial
 from panostitch.runtime.trace import Trace, silent
 
 __all__ = ["align_group"]
 
+Floats = NDArray[np.float64]
+
 LOSS_SCALE = 2.0  # working px: about the noise of a key point, so that true matches all count fully
 MAX_RMS = 12.0  # working px: an alignment that is this far off has not been found
-CONTRADICTION = 4.0  # times the median error of all links: a link that is further off speaks of another scene
-MIN_CONTRADICTION = 4.0  # working px: parallax makes links differ by this much
-
-Solve = Callable[[Sequence[Photo], Sequence[VerifiedMatch]], tuple[Camera, ...] | None]
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """Cameras with the rms and 95th percentile (px) of the matches under them, and the links they rest on."""
-
-    cameras: tuple[Camera, ...]
-    rms: float
-    p95: float
-    links: tuple[VerifiedMatch, ...]
+POINTS_PER_PHOTO = 300  # control points to be measured again, over all links of a photo
+MOST_POINTS, FEWEST_POINTS = 100, 40  # of one link
+HELD_BACK = 8  # of so many control points one is kept to judge by,
+JUDGED_FROM = 24  # in links that have at least this many
 
 
 def align_group(
@@ -48,107 +39,132 @@ def align_group(
     *,
     pixel_size: float,
     left_out: Sequence[LeftOut] = (),
+    pairs: Sequence[PairTried] = (),
+    run: Executor = serial,
     trace: Trace = silent,
 ) -> Alignment:
     """Cameras of photos that the links (indices into `photos`) hold together.
 
-    `pixel_size` is the size of a working pixel in px of the photos, the unit of the matches' noise. Raises
-    AlignmentError where no cameras explain the matches.
+    `pixel_size` is the size of a working pixel in px of the photos, the unit of the matches' noise; `left_out` and
+    `pairs` are for the record. Raises AlignmentError where no cameras explain the matches, InputError where a photo
+    cannot be read any more.
     """
-    scale = LOSS_SCALE * pixel_size
-    turning = flat = None
-    if options.model != "homography":
-        turning = _consistent(photos, links, partial(turning_cameras, scale=scale), pixel_size)
-    if options.model == "homography" or (options.model == "auto" and len(photos) == 2):
-        flat = _consistent(photos, links, partial(_flat, scale=scale), pixel_size)
-    fit, choice = _chosen(turning, flat, pixel_size)
-    if not fit.rms <= MAX_RMS * pixel_size:
-        raise _failure(photos, fit, pixel_size)
-    alignment = _described(photos, links, fit, choice, straightened=options.straighten == "auto", left_out=left_out)
-    trace("alignment.solved", alignment=alignment, residuals={"rms": fit.rms, "p95": fit.p95})
+    rough, choice = _rough(photos, links, options, pixel_size)
+    points = _control_points(photos, rough, options, pixel_size, run)
+    points = pruned(refitted(rough, photos, points), points)
+    used, held = _split(points)
+    fit = refitted(rough, photos, used)
+    cameras = fit.cameras
+    if options.straighten == "auto" and fit.model == "rotation":
+        cameras = straighten(cameras)
+    errors, judged = fit.errors(points), fit.errors(held) if held else None
+    kept = {(link.i, link.j) for link in fit.links}
+    alignment = Alignment(
+        fit.model,
+        tuple(photos),
+        cameras,
+        links=tuple(_summary(cameras, pair) for pair in points),
+        left_out=tuple(left_out),
+        rms=_rms(errors),
+        p95=_p95(errors),
+        reason=choice.reason,
+        dropped=tuple(_summary(cameras, thinned(link)) for link in links if (link.i, link.j) not in kept),
+        control_points=tuple(points),
+        held_back_rms=None if judged is None else _rms(judged),
+        held_back_p95=None if judged is None else _p95(judged),
+        uncertainties=_uncertainties(fit, used),
+        pairs=tuple(pairs),
+    )
+    trace("alignment.solved", alignment=alignment, residuals={"rms": alignment.rms, "p95": alignment.p95})
     return alignment
 
 
-def _described(
-    photos: Sequence[Photo],
-    links: Sequence[VerifiedMatch],
-    fit: _Fit,
-    choice: Choice,
-    *,
-    straightened: bool,
-    left_out: Sequence[LeftOut],
-) -> Alignment:
-    """The solution with all that is said of it."""
-    cameras = straighten(fit.cameras) if straightened and choice.model == "rotation" else fit.cameras
-    kept = {(link.i, link.j) for link in fit.links}
-    return Alignment(
-        choice.model,
-        tuple(photos),
-        cameras,
-        links=tuple(_summary(cameras, thinned(link)) for link in fit.links),
-        left_out=tuple(left_out),
-        rms=fit.rms,
-        p95=fit.p95,
-        reason=choice.reason,
-        dropped=tuple(_summary(cameras, thinned(link)) for link in links if (link.i, link.j) not in kept),
-    )
+def _rough(
+    photos: Sequence[Photo], links: Sequence[VerifiedMatch], options: AlignmentOptions, pixel_size: float
+) -> tuple[Fit, Choice]:
+    """The model and its cameras, from the key points alone."""
+    scale = LOSS_SCALE * pixel_size
+    turning = _tried("rotation", photos, links, scale) if options.model in ("auto", "rotation") else None
+    models: tuple[Model, ...] = ()
+    if options.model == "auto":
+        rotation = _candidate(turning, turning.links, scale) if turning else None
+        models = flat_to_try(rotation, turning.cameras if turning else (), pixel_size=pixel_size)
+    elif options.model != "rotation":
+        models = (options.model,)
+    tried = [fit for fit in (turning, *(_tried(model, photos, links, scale) for model in models)) if fit]
+    if not tried:
+        raise AlignmentError(
+            "no lens explains how the photos overlap",
+            hint="if the subject is flat or the camera moved, try --model homography",
+        )
+    # what one model gives up may be what speaks against it; what all of them give up speaks of another scene
+    kept = {(link.i, link.j) for fit in tried for link in fit.links}
+    judges = [link for link in links if (link.i, link.j) in kept]
+    choice = choose([_candidate(fit, judges, scale) for fit in tried], pixel_size=pixel_size)
+    fit = next(fit for fit in tried if fit.model == choice.model)
+    rms = _rms(fit.errors([thinned(link) for link in fit.links]))
+    if not rms <= MAX_RMS * pixel_size:
+        raise _failure(photos, rms, pixel_size)
+    return fit, choice
 
 
-def _consistent(
-    photos: Sequence[Photo], links: Sequence[VerifiedMatch], solve: Solve, pixel_size: float
-) -> _Fit | None:
-    """The solution without links that contradict all others: repeated windows make confident wrong links.
-
-    The worst link is dropped, as long as the others hold the photos together, until all agree.
-    """
-    kept = list(links)
-    while True:
-        cameras = solve(photos, kept)
-        if cameras is None:
-            return None
-        medians = np.array([np.median(distances(cameras, thinned(link))) for link in kept])
-        worst = int(np.argmax(medians))
-        limit = max(CONTRADICTION * float(np.median(medians)), MIN_CONTRADICTION * pixel_size)
-        rest = kept[:worst] + kept[worst + 1 :]
-        if medians[worst] <= limit or not holds_together(len(photos), rest):
-            return _fit(cameras, kept)
-        kept = rest
+def _tried(model: Model, photos: Sequence[Photo], links: Sequence[VerifiedMatch], scale: float) -> Fit | None:
+    """The solution under a model, if there is one."""
+    fit = rough_fit(model, photos, links, scale=scale)
+    return without_contradictions(fit, photos, scale=scale) if fit else None
 
 
-def _flat(photos: Sequence[Photo], links: Sequence[VerifiedMatch], *, scale: float) -> tuple[Camera, ...]:
-    """The cameras of a flat subject."""
-    observations = [thinned(link) for link in links]
-    return planar_cameras(photos, observations, spanning_tree(len(photos), links), loss_scale=scale)
+def _candidate(fit: Fit, links: Sequence[VerifiedMatch], scale: float) -> Candidate:
+    unknowns = fit.freedom.parameters if fit.freedom else flat_parameters(fit.model, len(fit.cameras))
+    return candidate(fit.model, fit.cameras, [thinned(link) for link in links], unknowns, scale=scale)
 
 
-def _fit(cameras: tuple[Camera, ...], links: Sequence[VerifiedMatch]) -> _Fit:
-    errors = np.concatenate([distances(cameras, thinned(link)) for link in links])
-    return _Fit(cameras, float(np.sqrt((errors**2).mean())), float(np.percentile(errors, 95)), tuple(links))
+def _control_points(
+    photos: Sequence[Photo], fit: Fit, options: AlignmentOptions, pixel_size: float, run: Executor
+) -> list[ControlPoints]:
+    """What the cameras are finally adjusted to, pair by pair."""
+    if options.refine == "none":
+        return [thinned(link) for link in fit.links]
+    share = POINTS_PER_PHOTO * len(photos) // (2 * len(fit.links))
+    count = int(np.clip(share, FEWEST_POINTS, MOST_POINTS))
+    points = [thinned(link, count) for link in fit.links]
+    return refined(photos, fit.cameras, points, pixel_size=pixel_size, run=run)
 
 
-def _chosen(turning: _Fit | None, flat: _Fit | None, pixel_size: float) -> tuple[_Fit, Choice]:
-    if turning and flat:
-        choice = choose(turning.rms, flat.rms, pixel_size=pixel_size)
-        return (turning if choice.model == "rotation" else flat), choice
-    if turning:
-        return turning, choose(turning.rms, None, pixel_size=pixel_size)
-    if flat:
-        return flat, Choice("homography", f"a flat subject explains the matches to {flat.rms:.2f} px")
-    raise AlignmentError(
-        "no lens explains how the photos overlap",
-        hint="if the subject is flat or the camera moved, try --model homography",
-    )
+def _split(points: Sequence[ControlPoints]) -> tuple[list[ControlPoints], list[ControlPoints]]:
+    """Control points to adjust to, and those to judge by."""
+    used, held = [], []
+    for pair in points:
+        aside = (np.arange(len(pair)) % HELD_BACK == HELD_BACK // 2) & (len(pair) >= JUDGED_FROM)
+        used.append(pair.take(~aside))
+        if aside.any():
+            held.append(pair.take(aside))
+    return used, held
 
 
-def _failure(photos: Sequence[Photo], fit: _Fit, pixel_size: float) -> AlignmentError:
+def _uncertainties(fit: Fit, points: Sequence[ControlPoints]) -> tuple[Uncertainty, ...]:
+    """Standard errors of turning cameras; a flat subject has no directions to be wrong about."""
+    if fit.freedom is None:
+        return ()
+    return standard_errors(fit.cameras, points, fit.freedom, loss_scale=noise_scale(fit, points))
+
+
+def _failure(photos: Sequence[Photo], rms: float, pixel_size: float) -> AlignmentError:
     names = ", ".join(photo.name for photo in photos[:4]) + (", ..." if len(photos) > 4 else "")
     return AlignmentError(
         f"{names}: the photos match, but no cameras explain the matches",
-        details=(f"they are {fit.rms / pixel_size:.0f} working pixels off; {MAX_RMS:.0f} is the most that is taken",),
+        details=(f"they are {rms / pixel_size:.0f} working pixels off; {MAX_RMS:.0f} is the most that is taken",),
         hint="was the camera moved sideways between photos? Try --model homography, or fewer photos",
     )
 
 
-def _summary(cameras: Sequence[Camera], observation: ControlPoints) -> LinkSummary:
-    errors = distances(cameras, observation)
-    return LinkSummary(observation.i, observation.j, len(errors), float(np.sqrt((errors**2).mean())))
+def _summary(cameras: Sequence[Camera], points: ControlPoints) -> LinkSummary:
+    return LinkSummary(points.i, points.j, len(points), _rms(distances(cameras, points)))
+
+
+def _rms(errors: Floats) -> float:
+    return float(np.sqrt((errors**2).mean()))
+
+
+def _p95(errors: Floats) -> float:
+    return float(np.percentile(errors, 95))

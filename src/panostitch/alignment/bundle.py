@@ -1,28 +1,30 @@
-"""Bundle adjustment of turning cameras by Levenberg-Marquardt with a robust loss.
+"""Bundle adjustment of turning cameras: rotations, focal lengths, distortion and principal points together.
 
-Unknown are a rotation for each photo but the first, which fixes the world's axes, and for each lens group the focal
-length, k1 and k2 as far as they are freed. There are no 3D points: a match is the agreement of two rays. Normal
-equations are filled by blocks, pair by pair. Brown & Lowe 2007, section 4; Marquardt 1963.
+There are no 3D points: a match is the agreement of two rays, and only photos that share matches share a block of the
+normal equations. Brown & Lowe 2007, section 4; Triggs et al. 1999.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.linalg import SuperLU
 
-from panostitch.alignment.residuals import BEHIND, Matches, in_a_row, linearise, reprojection
-from panostitch.geometry import rotation
+from panostitch.alignment import loss
+from panostitch.alignment.levenberg import minimise
+from panostitch.alignment.residuals import BEHIND, arrays_of, cameras_of
+from panostitch.alignment.turning_problem import turning_problem
+from panostitch.alignment.unknowns import Freedom, Unknowns, orthonormal
+from panostitch.model.alignment import Uncertainty
 from panostitch.model.camera import Camera
 from panostitch.model.match import ControlPoints
 
+__all__ = ["Freedom", "Solution", "adjust", "distances", "standard_errors"]
+
 Floats = NDArray[np.float64]
 
-START_DAMPING = 1e-3
-MAX_DAMPING = 1e8
-LENS_STEP_LIMIT = 0.3  # relative change of the focal length in one step
-MAX_K1, MAX_K2 = 2.0, 4.0
+COLUMNS_AT_ONCE = 4  # of the inverse, when standard errors are computed: with more, SuperLU leaves the cache
 
 
 @dataclass(frozen=True)
@@ -31,31 +33,6 @@ class Solution:
 
     cameras: tuple[Camera, ...]
     cost: float
-
-
-@dataclass(frozen=True)
-class Freedom:
-    """What the adjustment may change besides the rotations.
-
-    focals: for each camera the number of its focal length; cameras of one number share it
-    lenses: for each camera the number of its distortion
-    terms:  how many of (k1, k2) are free
-    """
-
-    focals: tuple[int, ...]
-    lenses: tuple[int, ...]
-    terms: int = 0
-
-    @property
-    def parameters(self) -> int:
-        """Number of unknowns, three for each rotation included."""
-        return 3 * len(self.focals) + max(self.focals) + 1 + self.terms * (max(self.lenses) + 1)
-
-    def columns(self, camera: int) -> list[int]:
-        """Where the focal length and the distortion of a camera stand among the unknowns, after all rotations."""
-        first = 3 * len(self.focals)
-        distortion = first + max(self.focals) + 1 + self.terms * self.lenses[camera]
-        return [first + self.focals[camera], *range(distortion, distortion + self.terms)]
 
 
 def adjust(
@@ -72,25 +49,9 @@ def adjust(
     loss_scale: px beyond which a residual counts less and less (Cauchy)
     max_steps, tolerance: it ends after so many steps, or when one lowers the cost by a smaller share than this
     """
-    matches = in_a_row([direction for o in observations for direction in (o, o.swapped())])
-    current = tuple(cameras)
-    cost = _cost(current, matches, loss_scale)
-    damping, step = START_DAMPING, 0
-    while step < max_steps and damping < MAX_DAMPING:
-        step += 1
-        normal, gradient = _normal_equations(current, matches, freedom, loss_scale)
-        accepted = False
-        while not accepted and damping < MAX_DAMPING:
-            candidate = _moved(current, _solve(normal, gradient, damping), freedom)
-            candidate_cost = _cost(candidate, matches, loss_scale) if candidate else np.inf
-            accepted = candidate_cost <= cost
-            damping = max(damping / 10, 1e-12) if accepted else damping * 10
-        if not accepted or candidate is None:
-            break
-        gain, current, cost = cost - candidate_cost, candidate, candidate_cost
-        if gain <= tolerance * max(cost, 1e-300):
-            break
-    return Solution(current, cost)
+    problem = turning_problem(cameras, observations, freedom, loss_scale)
+    found, cost = minimise(arrays_of(cameras), problem, max_steps=max_steps, tolerance=tolerance)
+    return Solution(cameras_of(replace(found, turns=orthonormal(found.turns)), cameras), cost)
 
 
 def distances(cameras: Sequence[Camera], observation: ControlPoints) -> Floats:
@@ -99,53 +60,51 @@ def distances(cameras: Sequence[Camera], observation: ControlPoints) -> Floats:
     return np.asarray(np.nan_to_num(np.linalg.norm(there - observation.xy_j, axis=1), nan=BEHIND))
 
 
-def _cost(cameras: Sequence[Camera], matches: Matches, scale: float) -> float:
-    """Cauchy loss, in px^2: half the sum of squares where residuals are small."""
-    square = (reprojection(cameras, matches) ** 2).sum(1)
-    return float(0.5 * scale**2 * np.log1p(square / scale**2).sum())
+def standard_errors(
+    cameras: Sequence[Camera], observations: Sequence[ControlPoints], freedom: Freedom, *, loss_scale: float
+) -> tuple[Uncertainty, ...]:
+    """How uncertain adjusted cameras are, from the inverse of the normal equations and the spread of the residuals.
+
+    `turn` is the root mean square of the angle by which a camera is off, in a world whose axes are the mean of all
+    cameras'; no photo is exact because it happens to be the first. Both are infinite where there are no more residuals
+    than unknowns. They know of the noise of the matches, not of a scene that is not what it is taken for.
+    """
+    problem = turning_problem(cameras, observations, freedom, loss_scale)
+    view = problem.view(arrays_of(cameras))
+    tangent = problem.tangent(view)
+    variance = loss.variance(problem.squares(view, tangent), loss_scale, problem.places.size)
+    solver = problem.equations(view, tangent).factorised()
+    inverse = _diagonal_of_inverse(solver, problem.places.size)
+    turns = np.sqrt(variance * _turn_variances(solver, inverse, problem.places))
+    focals = np.sqrt(variance * inverse[problem.places.lens[:, 0]])
+    return tuple(
+        Uncertainty(float(turn), float(focal) * camera.focal)
+        for camera, turn, focal in zip(cameras, turns, focals, strict=True)
+    )
 
 
-def _normal_equations(
-    cameras: Sequence[Camera], matches: Matches, freedom: Freedom, scale: float
-) -> tuple[Floats, Floats]:
-    """Weighted J^T J and J^T r, over all rotations and then all lenses."""
-    normal, gradient = np.zeros((freedom.parameters, freedom.parameters)), np.zeros(freedom.parameters)
-    residuals = linearise(cameras, matches)
-    free = 1 + freedom.terms
-    kept = [*range(6), *range(6, 6 + free), *range(9, 9 + free)]
-    weight = np.sqrt(1 / (1 + (residuals.value**2).sum(1) / scale**2))
-    rows = residuals.jacobian[:, :, kept] * weight[:, None, None]
-    values = residuals.value * weight[:, None]
-    for begin, end in pairwise(matches.bounds):
-        i, j = int(matches.i[begin]), int(matches.j[begin])
-        turns = [*range(3 * i, 3 * i + 3), *range(3 * j, 3 * j + 3)]
-        columns = [*turns, *freedom.columns(i), *freedom.columns(j)]
-        block = rows[begin:end].reshape(-1, len(kept))
-        # a lens shared by both photos stands twice among the columns: add, do not assign
-        np.add.at(normal, np.ix_(columns, columns), block.T @ block)
-        np.add.at(gradient, columns, block.T @ values[begin:end].reshape(-1))
-    return normal, gradient
+def _diagonal_of_inverse(solver: SuperLU, size: int) -> Floats:
+    """Diagonal (size,) of the inverse; some columns of it at a time."""
+    diagonal = np.empty(size)
+    for begin in range(0, size, COLUMNS_AT_ONCE):
+        index = np.arange(begin, min(begin + COLUMNS_AT_ONCE, size))
+        columns = np.zeros((size, len(index)))
+        columns[index, index - begin] = 1.0
+        diagonal[index] = solver.solve(columns)[index, index - begin]
+    return diagonal
 
 
-def _solve(normal: Floats, gradient: Floats, damping: float) -> Floats:
-    """The damped step; the first rotation stays where it is, since only relative rotations are seen."""
-    step = np.zeros(len(gradient))
-    diagonal = np.diag(normal)[3:]
-    damped = normal[3:, 3:] + np.diag(damping * np.maximum(diagonal, 1e-9 * diagonal.max(initial=1e-9)))
-    step[3:] = -np.linalg.lstsq(damped, gradient[3:], rcond=1e-14)[0]
-    return step
+def _turn_variances(solver: SuperLU, inverse: Floats, places: Unknowns) -> Floats:
+    """Variances (n,) of the cameras' rotations about the mean of all, summed over the three axes.
 
-
-def _moved(cameras: Sequence[Camera], step: Floats, freedom: Freedom) -> tuple[Camera, ...] | None:
-    """The cameras after a step; None if a lens would leave what is possible."""
-    moved = []
-    for n, camera in enumerate(cameras):
-        change = np.zeros(3)
-        change[: 1 + freedom.terms] = step[freedom.columns(n)]
-        k1, k2 = camera.k1 + change[1], camera.k2 + change[2]
-        if abs(change[0]) > LENS_STEP_LIMIT or abs(k1) > MAX_K1 or abs(k2) > MAX_K2:
-            return None
-        turn = rotation.nearest(rotation.exp(step[3 * n : 3 * n + 3]) @ camera.cam_from_world)
-        focal = camera.focal * (1 + change[0])
-        moved.append(replace(camera, focal=focal, cam_from_world=turn, k1=float(k1), k2=float(k2)))
-    return tuple(moved)
+    With C the inverse, in which the first camera does not turn, and m the mean of all: C_kk - 2 C_km + C_mm.
+    """
+    turns = places.turns[1:]  # the first camera is FIXED
+    mean = np.zeros((places.size, 3))
+    mean[turns, np.arange(3)] = 1 / len(places.turns)
+    with_mean = np.zeros((len(places.turns), 3))
+    with_mean[1:] = solver.solve(mean)[turns, np.arange(3)]
+    own = np.zeros((len(places.turns), 3))
+    own[1:] = inverse[turns]
+    # rounding may leave nothing of a difference of equals
+    return np.asarray(np.maximum(own - 2 * with_mean + with_mean.mean(0), 0.0).sum(1))

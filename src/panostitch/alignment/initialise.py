@@ -109,6 +109,23 @@ def initial_cameras(photos: Sequence[Photo], focals: Sequence[float], tree: Span
     ]
 
 
+def zoomed_focals(photos: Sequence[Photo], focal: float, tree: SpanningTree) -> list[float]:
+    """Focal lengths (px) of all photos from that of the tree's root, where each photo may have its own.
+
+    With the parent's focal length known, the homography is the child's intrinsics times a rotation: its first two rows
+    are longer than the third by the child's focal length.
+    """
+    focals = [focal] * len(photos)
+    for parent, child, link in tree.edges:
+        centred = np.eye(3)
+        centred[:2, 2] = -np.array(_centre(photos[child]))
+        rows = np.linalg.norm(
+            centred @ child_from_parent(parent, link) @ _intrinsics(photos[parent], focals[parent]), axis=1
+        )
+        focals[child] = float(np.sqrt(rows[0] * rows[1]) / max(rows[2], 1e-12))
+    return focals
+
+
 def _centre(photo: Photo) -> tuple[float, float]:
     return (photo.size[0] - 1) / 2, (photo.size[1] - 1) / 2
 

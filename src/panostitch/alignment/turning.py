@@ -1,12 +1,12 @@
 """A turning camera: from links to cameras that share one point, with as much of a lens as the evidence pays for."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from panostitch.alignment.bundle import Freedom, Solution, adjust
-from panostitch.alignment.initialise import focal_candidates, initial_cameras, lens_groups, spanning_tree
+from panostitch.alignment.bundle import Freedom, Solution, adjust, distances
+from panostitch.alignment.initialise import focal_candidates, initial_cameras, lens_groups, spanning_tree, zoomed_focals
 from panostitch.alignment.residuals import thinned
 from panostitch.geometry import lens
 from panostitch.model.camera import Camera
@@ -16,62 +16,112 @@ from panostitch.model.photo import Photo
 MATCHES_TO_START = 40  # of each link: enough to tell a good start from a bad one
 START_STEPS = 15
 START_TOLERANCE = 1e-3
-WIDE = 8  # times the final loss scale: a rough start is not to be taken for a heap of outliers
+# Times the final loss scale: a rough start is not to be taken for a heap of outliers, nor the link that closes a ring
+# for a wrong one while the focal length is off by some per cent.
+LOSS_SCALES = (64, 8, 1)
+GOOD_START = 0.25  # times the loss scale, median: the noise of key points; no other start will do better
+ZOOM = 1.1  # ratio of focal lengths from which they are taken for different ones
 LENS_EVIDENCE = 0.1  # share by which a freed parameter must lower the cost: parallax poses as distortion too
+NOTHING = 1e-3  # px, an error that needs no explanation
 MAX_DISTORTION = 0.2  # at the corner of the photo, as a share of the radius
+MAX_DECENTRING = 0.05  # of the photo's diagonal
 MIN_FIELD, MAX_FIELD = 0.5, 170.0  # degrees across one photo that a lens can have
 
 
-def turning_cameras(
-    photos: Sequence[Photo], links: Sequence[VerifiedMatch], *, scale: float
-) -> tuple[Camera, ...] | None:
+@dataclass(frozen=True)
+class Turning:
+    """Cameras that turn about one point, and what of them was free."""
+
+    cameras: tuple[Camera, ...]
+    freedom: Freedom
+
+
+def turning_cameras(photos: Sequence[Photo], links: Sequence[VerifiedMatch], *, scale: float) -> Turning | None:
     """The best cameras that turn about one point; None if every start ends in an impossible lens.
 
     `scale` is the noise of a match, px: errors well beyond it count little.
     """
-    groups = tuple(lens_groups(photos))
-    freedom = Freedom(focals=groups, lenses=groups)
-    start = _best_start(photos, links, freedom, scale)
-    if start is None:
-        return None
-    observations = [thinned(link) for link in links]
-    solution = adjust(start, observations, freedom, loss_scale=scale)
-    each_its_own = tuple(range(len(photos)))
-    for richer in (
-        Freedom(groups, groups, terms=1),
-        Freedom(groups, groups, terms=2),
-        Freedom(each_its_own, groups),  # zoom, or a lens that breathes as it focuses
-    ):
-        if len(photos) == 2 and (richer.terms == 2 or richer.focals != groups):
-            continue  # two photos cannot tell
-        richer = replace(richer, terms=max(richer.terms, freedom.terms))
-        candidate = adjust(solution.cameras, observations, richer, loss_scale=scale)
-        if _possible(candidate) and candidate.cost < (1 - LENS_EVIDENCE) * solution.cost:
-            solution, freedom = candidate, richer
-    return solution.cameras
+    start = _best_start(photos, links, scale)
+    return None if start is None else freed(photos, start, [thinned(link) for link in links], scale=scale)
 
 
-def _best_start(
-    photos: Sequence[Photo], links: Sequence[VerifiedMatch], freedom: Freedom, scale: float
-) -> tuple[Camera, ...] | None:
+def freed(photos: Sequence[Photo], start: Turning, points: Sequence[ControlPoints], *, scale: float) -> Turning:
+    """The cameras adjusted to the points, with as much of a lens freed, step by step, as the evidence pays for."""
+    freedom = start.freedom
+    nothing = sum(len(pair) for pair in points) * NOTHING**2
+    solution = adjust(start.cameras, points, freedom, loss_scale=scale)
+    for richer in _steps(photos):
+        wider = _joined(freedom, richer)
+        if wider == freedom:
+            continue
+        candidate = adjust(solution.cameras, points, wider, loss_scale=scale)
+        if _possible(candidate) and candidate.cost < (1 - LENS_EVIDENCE) * solution.cost - nothing:
+            solution, freedom = candidate, wider
+    return Turning(solution.cameras, freedom)
+
+
+def settled(start: Turning, points: Sequence[ControlPoints], *, scale: float) -> Turning:
+    """The cameras adjusted to the points, with nothing more freed."""
+    return replace(start, cameras=adjust(start.cameras, points, start.freedom, loss_scale=scale).cameras)
+
+
+def _steps(photos: Sequence[Photo]) -> Iterator[Freedom]:
+    """What may be freed, the most plausible first."""
+    groups, each_its_own = tuple(lens_groups(photos)), tuple(range(len(photos)))
+    yield Freedom(groups, groups, terms=1)
+    if len(photos) == 2:
+        return  # two photos cannot tell more
+    yield Freedom(groups, groups, terms=2)
+    yield Freedom(each_its_own, groups)  # zoom, or a lens that breathes as it focuses
+
+
+def _joined(freedom: Freedom, richer: Freedom) -> Freedom:
+    """All that is free in one or the other."""
+    focals = max(freedom.focals, richer.focals, key=lambda numbers: len(set(numbers)))
+    return replace(freedom, focals=focals, terms=max(freedom.terms, richer.terms))
+
+
+def _best_start(photos: Sequence[Photo], links: Sequence[VerifiedMatch], scale: float) -> Turning | None:
     """Cameras from the focal length, among all candidates, from which the adjustment gets farthest."""
     tree = spanning_tree(len(photos), links)
     few = [thinned(link, MATCHES_TO_START) for link in links]
-    solutions = []
+    groups, each_its_own = tuple(lens_groups(photos)), tuple(range(len(photos)))
+    together = Freedom(focals=groups, lenses=groups)
+    best: tuple[float, Turning] | None = None
     for focals in focal_candidates(photos, links):
-        cameras: Sequence[Camera] = initial_cameras(photos, focals, tree)
-        for loss_scale in (WIDE * scale, scale):
-            solution = _roughly(cameras, few, freedom, loss_scale)
-            cameras = solution.cameras
-        if _possible(solution):
-            solutions.append(solution)
-    return min(solutions, key=lambda s: s.cost).cameras if solutions else None
+        best = _better(best, initial_cameras(photos, focals, tree), few, together, scale)
+        if best and _explains_all(best[1].cameras, few, scale):
+            return best[1]
+    if best is None:
+        return None
+    focals = zoomed_focals(photos, best[1].cameras[tree.root].focal, tree)
+    if max(focals) > ZOOM * min(focals) and len(photos) > 2:
+        best = _better(best, initial_cameras(photos, focals, tree), few, replace(together, focals=each_its_own), scale)
+    return best[1] if best else None
 
 
-def _roughly(
-    cameras: Sequence[Camera], observations: Sequence[ControlPoints], freedom: Freedom, scale: float
-) -> Solution:
-    return adjust(cameras, observations, freedom, loss_scale=scale, max_steps=START_STEPS, tolerance=START_TOLERANCE)
+def _better(
+    best: tuple[float, Turning] | None,
+    cameras: Sequence[Camera],
+    points: Sequence[ControlPoints],
+    freedom: Freedom,
+    scale: float,
+) -> tuple[float, Turning] | None:
+    """The best start so far, with its cost, or these cameras where the adjustment gets farther from them."""
+    for loss_scale in (scale * times for times in LOSS_SCALES):
+        solution = adjust(
+            cameras, points, freedom, loss_scale=loss_scale, max_steps=START_STEPS, tolerance=START_TOLERANCE
+        )
+        cameras = solution.cameras
+    if not _possible(solution) or (best and best[0] <= solution.cost):
+        return best
+    return solution.cost, Turning(solution.cameras, freedom)
+
+
+def _explains_all(cameras: Sequence[Camera], points: Sequence[ControlPoints], scale: float) -> bool:
+    """Whether no other start can do better: the errors are the noise of key points, and no link stands apart."""
+    medians = np.array([np.median(distances(cameras, pair)) for pair in points])
+    return bool(np.median(medians) < GOOD_START * scale and medians.max() < scale)
 
 
 def _possible(solution: Solution) -> bool:
@@ -81,7 +131,14 @@ def _possible(solution: Solution) -> bool:
 
 def _possible_lens(camera: Camera) -> bool:
     field = np.rad2deg(2 * np.arctan(max(camera.size) / 2 / camera.focal))
-    corner = float(np.hypot(*camera.size)) / 2 / camera.focal
+    diagonal = float(np.hypot(*camera.size))
+    corner = diagonal / 2 / camera.focal
     slope = lens.slope(np.array(corner**2), camera.k1, camera.k2)
     distortion = abs(camera.k1) * corner**2 + abs(camera.k2) * corner**4
-    return bool(MIN_FIELD < field < MAX_FIELD and slope > 0.2 and distortion < MAX_DISTORTION)
+    shift = np.hypot(*(np.array(camera.centre) - (np.array(camera.size) - 1) / 2))
+    return bool(
+        MIN_FIELD < field < MAX_FIELD
+        and slope > 0.2
+        and distortion < MAX_DISTORTION
+        and shift < MAX_DECENTRING * diagonal
+    )

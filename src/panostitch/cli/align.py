@@ -5,34 +5,40 @@ from typing import Any
 import click
 
 from panostitch.cli.options import options_of, run_options, stage_options
-from panostitch.options import AlignmentOptions, FeatureOptions, MatchingOptions
+from panostitch.options import AlignmentOptions, FeatureOptions, LayoutOptions, MatchingOptions
 
 
 @click.command("align")
 @click.argument("photos", nargs=-1, required=True)
 @click.option("-o", "--output", required=True, metavar="FILE.pano.json", help="The project file to write.")
+@click.option("--pto", metavar="FILE.pto", default=None, help="Write the cameras for Hugin as well.")
 @stage_options(FeatureOptions, MatchingOptions, AlignmentOptions)
 @run_options
-def command(photos: tuple[str, ...], output: str, **given: Any) -> int:
+def command(photos: tuple[str, ...], output: str, pto: str | None, **given: Any) -> int:
     """Find the cameras of PHOTOS and keep them in a project file, for `panostitch render`."""
     from panostitch import pipeline
     from panostitch.cli import report
     from panostitch.cli.session import debug_trace, executor, open_given
+    from panostitch.compositing import lay_out
     from panostitch.io import project, writers
+    from panostitch.io import pto as hugin
 
     opened = open_given(photos)
-    writers.check_output(
-        output,
-        overwrite=given["overwrite"],
-        inputs=[photo.path for photo in opened],
-        extensions=[project.EXTENSION],
-    )
+    inputs = [photo.path for photo in opened]
+    writers.check_output(output, overwrite=given["overwrite"], inputs=inputs, extensions=[project.EXTENSION])
+    if pto:
+        writers.check_output(pto, overwrite=given["overwrite"], inputs=inputs, extensions=[hugin.EXTENSION])
+        hugin.check_photos(opened)
     with debug_trace(given) as trace:
         alignment = pipeline.align(opened, options_of(given), run=executor(given), trace=trace)
     project.write_project(alignment, output)
     if not given["quiet"]:
         report.say_alignment(alignment, verbose=given["verbose"])
         report.say(f"{output}: written; next: panostitch render {output} -o panorama.jpg")
+    if pto:
+        exactness = hugin.write_pto(alignment, pto, lay_out(alignment, LayoutOptions()))
+        if exactness.poor or given["verbose"]:
+            report.say(f"note: {pto}: {exactness}")
     if given["as_json"]:
         report.print_json(report.result(alignment))
     return report.exit_code(alignment)

@@ -73,6 +73,10 @@ def cli() -> None:
 
 def main() -> None:
     """Run the command line and exit with the documented code."""
+    # Pairs of photos run in threads of our own; a product that starts threads as well only waits for them. NumPy reads
+    # this when it is loaded, which is later.
+    for library in ("OPENBLAS", "MKL"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     sys.exit(run(sys.argv[1:]))
 
 

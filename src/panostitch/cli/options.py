@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Callable
+from types import UnionType
 from typing import Any, Literal, get_args, get_origin
 
 import click
@@ -43,6 +44,8 @@ def _click_option(field: "dataclasses.Field[Any]") -> Callable[[Command], Comman
     name = "--" + field.name.replace("_", "-")
     kind: Any = field.type
     low, high = field.metadata["min"], field.metadata["max"]
+    if isinstance(kind, UnionType):  # a value or None
+        kind = next(choice for choice in get_args(kind) if choice is not type(None))
     if get_origin(kind) is Literal:
         kind = click.Choice([str(choice) for choice in get_args(kind)])
     elif kind in (int, float) and low is not None:

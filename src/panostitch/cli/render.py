@@ -9,19 +9,21 @@ from panostitch.options import CompositingOptions, LayoutOptions, OutputOptions
 
 
 @click.command("render")
-@click.argument("project_file", metavar="FILE.pano.json")
+@click.argument("project_file", metavar="FILE.pano.json|FILE.pto")
 @click.option("-o", "--output", required=True, metavar="PANORAMA", help="Where to write: .jpg, .png or .tif.")
 @stage_options(LayoutOptions, CompositingOptions, OutputOptions)
 @run_options
 def command(project_file: str, output: str, **given: Any) -> int:
-    """Make the panorama of a project file, as often and in as many ways as you like."""
+    """Make the panorama of a project file, ours or Hugin's, as often and in as many ways as you like."""
     from panostitch import pipeline
     from panostitch.cli import report
     from panostitch.cli.session import debug_trace, executor
     from panostitch.io import project, writers
+    from panostitch.io import pto as hugin
 
     options, run = options_of(given), executor(given)
-    alignment = project.read_project(project_file)
+    read = hugin.read_pto if project_file.lower().endswith(hugin.EXTENSION) else project.read_project
+    alignment = read(project_file)
     inputs = [project_file, *(photo.path for photo in alignment.photos)]
     writers.check_output(output, overwrite=given["overwrite"], inputs=inputs)
     with debug_trace(given) as trace:

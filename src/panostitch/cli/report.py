@@ -1,6 +1,7 @@
 """What is said on standard error, and as JSON on standard output."""
 
 import json
+import math
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -34,23 +35,34 @@ def say_error(error: PanostitchError) -> None:
 def say_alignment(alignment: Alignment, *, verbose: int) -> None:
     """What was found, in a line; and every photo that is not in it."""
     count = len(alignment.photos)
+    judged = "" if alignment.held_back_rms is None else f" ({alignment.held_back_rms:.2f} px where held back)"
     say(
         f"aligned {count} of {count + len(alignment.left_out)} photos, {len(alignment.links)} links, "
-        f"{alignment.rms:.2f} px rms: {alignment.reason}"
+        f"{alignment.rms:.2f} px rms{judged}: {alignment.reason}"
     )
     for photo in alignment.photos:
         for note in photo.notes:
             say(f"note: {photo.name}: {note}")
     if verbose:
-        _say_cameras(alignment)
+        if alignment.model == "rotation":
+            _say_cameras(alignment)
+        _say_links(alignment)
         _say_dropped(alignment)
+        _say_refuted(alignment)
     for left_out in alignment.left_out:
         _say_left_out(left_out)
 
 
 def _say_cameras(alignment: Alignment) -> None:
-    for photo, camera in zip(alignment.photos, alignment.cameras, strict=True):
+    errors = alignment.uncertainties or (None,) * len(alignment.cameras)
+    for photo, camera, error in zip(alignment.photos, alignment.cameras, errors, strict=True):
         say(f"  {photo.name}: focal length {camera.focal:.1f} px, k1 {camera.k1:+.4f}, k2 {camera.k2:+.4f}")
+        if error:
+            turn = math.degrees(error.turn)
+            say(f"    standard errors: focal length {error.focal:.2f} px, direction {turn:.4f} degrees")
+
+
+def _say_links(alignment: Alignment) -> None:
     for link in alignment.links:
         say(f"  {_names(alignment, link)}: {link.matches} matches, {link.rms:.2f} px rms")
 
@@ -61,6 +73,12 @@ def _say_dropped(alignment: Alignment) -> None:
             f"dropped: {_names(alignment, link)}: {link.matches} matches agree with each other, but are "
             f"{link.rms:.0f} px off from where all other photos put them"
         )
+
+
+def _say_refuted(alignment: Alignment) -> None:
+    for pair in alignment.pairs:
+        if pair.verdict and pair.inliers and not pair.needed:
+            say(f"dropped: {pair.first} - {pair.second}: {pair.inliers} matches agree with each other: {pair.verdict}")
 
 
 def _names(alignment: Alignment, link: LinkSummary) -> str:
@@ -106,8 +124,30 @@ def result(alignment: Alignment, panorama: Panorama | None = None, path: str = "
             "crop": panorama.plan.crop_reason,
             "gains": panorama.plan.gains.tolist(),
         }
+    data["inclusion"] = _inclusion(alignment)
     data["exit_code"] = exit_code(alignment)
     return data
+
+
+def _inclusion(alignment: Alignment) -> list[dict[str, Any]]:
+    """Every photo: in or out, why, and the photo it has most in common with."""
+    reasons = {photo.name: photo.reason for photo in alignment.left_out}
+    names = [*(photo.name for photo in alignment.photos), *reasons]
+    rows = []
+    for name in sorted(names):
+        own = [pair for pair in alignment.pairs if name in (pair.first, pair.second)]
+        best = max(own, key=lambda pair: (pair.inliers, pair.matches), default=None)
+        partner = None if best is None else best.second if best.first == name else best.first
+        rows.append(
+            {
+                "name": name,
+                "included": name not in reasons,
+                "reason": reasons.get(name, ""),
+                "best_partner": partner,
+                "best_partner_inliers": best.inliers if best else 0,
+            }
+        )
+    return rows
 
 
 def print_json(data: Any) -> None:

@@ -11,14 +11,17 @@ from panostitch.cli.options import every_stage, options_of, run_options
 @click.argument("photos", nargs=-1, required=True)
 @click.option("-o", "--output", required=True, metavar="PANORAMA", help="Where to write: .jpg, .png or .tif.")
 @click.option("--save-project", metavar="FILE.pano.json", default=None, help="Keep the alignment, for `render`.")
+@click.option("--pto", metavar="FILE.pto", default=None, help="Write cameras and panorama for Hugin as well.")
 @every_stage
 @run_options
-def command(photos: tuple[str, ...], output: str, save_project: str | None, **given: Any) -> int:
+def command(photos: tuple[str, ...], output: str, save_project: str | None, pto: str | None, **given: Any) -> int:
     """Stitch PHOTOS (files, folders, globs, @list.txt, - for a list on standard input) into a panorama."""
     from panostitch import pipeline
     from panostitch.cli import report
     from panostitch.cli.session import debug_trace, executor, open_given
+    from panostitch.compositing.view import look
     from panostitch.io import project, writers
+    from panostitch.io import pto as hugin
 
     options, run = options_of(given), executor(given)
     opened = open_given(photos)
@@ -26,6 +29,9 @@ def command(photos: tuple[str, ...], output: str, save_project: str | None, **gi
     writers.check_output(output, overwrite=given["overwrite"], inputs=inputs)
     if save_project:
         writers.check_output(save_project, overwrite=given["overwrite"], inputs=inputs, extensions=[project.EXTENSION])
+    if pto:
+        writers.check_output(pto, overwrite=given["overwrite"], inputs=inputs, extensions=[hugin.EXTENSION])
+        hugin.check_photos(opened)
     with debug_trace(given) as trace:
         alignment = pipeline.align(opened, options, run=run, trace=trace)
         if not given["quiet"]:
@@ -33,9 +39,14 @@ def command(photos: tuple[str, ...], output: str, save_project: str | None, **gi
         if save_project:
             project.write_project(alignment, save_project)
         panorama = pipeline.render(alignment, options, run=run, trace=trace)
+        if pto:
+            seen, plan = look(alignment, options.layout), panorama.plan
+            exactness = hugin.write_pto(seen, pto, panorama.canvas, crop=plan.crop, gains=plan.gains)
         writers.write_panorama(panorama, output, options.output, run=run, trace=trace)
     if not given["quiet"]:
         report.say_panorama(panorama, output)
+        if pto and (exactness.poor or given["verbose"]):
+            report.say(f"note: {pto}: {exactness}")
         if given["debug_dir"]:
             report.say(f"{given['debug_dir']}: a picture of every stage")
     if given["as_json"]:

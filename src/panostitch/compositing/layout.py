@@ -33,7 +33,7 @@ def lay_out(alignment: Alignment, options: LayoutOptions, *, trace: Trace = sile
     Raises UsageError where the projection cannot show the view, AlignmentError for an absurd size, LimitError for one
     that is too large.
     """
-    if alignment.model == "homography":
+    if alignment.model != "rotation":
         canvas, reason = _plane(alignment.cameras, options), "flat subject"
     else:
         canvas, reason = _sphere(alignment.cameras, options)

@@ -10,13 +10,16 @@ from numpy.typing import NDArray
 from panostitch.errors import InputError
 from panostitch.features import opencv, surf
 from panostitch.features.described import Described
+from panostitch.features.ladder import brings_more, rungs
 from panostitch.features.spread import spread
 from panostitch.geometry.sampling import rescale
-from panostitch.model.features import Features
+from panostitch.model.features import Attempt, Features
 from panostitch.model.photo import Photo
 from panostitch.options import FeatureOptions
 from panostitch.runtime.executor import Executor, serial
 from panostitch.runtime.trace import Trace, silent
+
+__all__ = ["DETECTORS", "MASK_MARGIN", "attempt_of", "brings_more", "detect", "detect_one", "rungs"]
 
 # From a grey picture (h, w) and a number to at least that many key points where there are so many, in its pixels.
 DETECTORS: dict[str, Callable[[NDArray[np.uint8], int], Described]] = {
@@ -30,6 +33,8 @@ DETECTORS: dict[str, Callable[[NDArray[np.uint8], int], Described]] = {
 # needs it least, since it doubles every picture itself.
 MAX_ENLARGEMENT = 2.0
 ENLARGED_UP_TO = {"sift": 0.4, "surf": 1.0, "orb": 1.0, "akaze": 1.0}
+
+CLAHE_CLIP, CLAHE_TILES = 4.0, 8
 
 MASK_MARGIN = 8  # working px next to transparency where a corner would be the mask's own
 
@@ -58,10 +63,10 @@ def _try_one(photo: Photo, options: FeatureOptions) -> Features | InputError:
 def detect_one(photo: Photo, options: FeatureOptions) -> Features:
     """Key points of one photo. Raises InputError."""
     grey, mask = _working_picture(photo, options)
-    described = DETECTORS[options.detector](grey, options.max_features)
+    described = DETECTORS[options.detector](grey, options.count)
     if mask is not None:
         described = described.take(np.flatnonzero(_sample(mask, described.xy)))
-    chosen = spread(described.xy, described.response, (grey.shape[1], grey.shape[0]), options.max_features)
+    chosen = spread(described.xy, described.response, (grey.shape[1], grey.shape[0]), options.count)
     described = described.take(chosen)
     factor = np.array(photo.size) / (grey.shape[1], grey.shape[0])
     pixel_size = float(np.sqrt(factor[0] * factor[1]))
@@ -75,21 +80,33 @@ def detect_one(photo: Photo, options: FeatureOptions) -> Features:
     )
 
 
+def attempt_of(photo: Photo, options: FeatureOptions) -> Attempt:
+    """What `detect_one` would do with the photo, its true working size included."""
+    enlarged = min(photo.megapixels * MAX_ENLARGEMENT**2, ENLARGED_UP_TO[options.detector])
+    megapixels = min(options.megapixels, max(photo.megapixels, enlarged))
+    return Attempt(options.detector, round(megapixels, 3), options.contrast)
+
+
 def _working_picture(photo: Photo, options: FeatureOptions) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
     """The photo in grey at its working size, and where it may be used."""
-    scale = float(np.sqrt(options.work_megapixels / photo.megapixels))
+    scale = float(np.sqrt(options.megapixels / photo.megapixels))
     pixels, mask = photo.source.read(min(scale, 1.0))
     grey = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), np.uint8)
     if mask is not None:
         kernel = np.ones((2 * MASK_MARGIN + 1, 2 * MASK_MARGIN + 1), np.uint8)
         mask = np.asarray(cv2.erode(mask, kernel), np.uint8)
-    wanted = min(options.work_megapixels, ENLARGED_UP_TO[options.detector])
+    wanted = min(options.megapixels, ENLARGED_UP_TO[options.detector])
     enlargement = min(float(np.sqrt(wanted / photo.megapixels)), MAX_ENLARGEMENT)
     if enlargement > 1:
         size = round(photo.size[0] * enlargement), round(photo.size[1] * enlargement)
         grey = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_CUBIC), np.uint8)
         mask = None if mask is None else np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST), np.uint8)
-    return grey, mask
+    return _evened(grey) if options.contrast == "local" else grey, mask
+
+
+def _evened(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The picture with the contrast of each part stretched (CLAHE, Zuiderveld 1994): fog and dusk keep their points."""
+    return np.asarray(cv2.createCLAHE(CLAHE_CLIP, (CLAHE_TILES, CLAHE_TILES)).apply(grey), np.uint8)
 
 
 def _sample(mask: NDArray[np.uint8], xy: NDArray[np.float32]) -> NDArray[np.bool_]:

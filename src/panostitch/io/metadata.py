@@ -3,6 +3,7 @@
 import math
 import struct
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any
 
 from PIL import ExifTags
@@ -22,6 +23,7 @@ class Metadata:
     focal:       focal length px, None if unknown
     lens:        camera, lens and focal length in words, empty if unknown
     notes:       what was surprising
+    taken:       seconds from 1970 to the exposure by the camera's own clock, None if unknown
     """
 
     size: tuple[int, int]
@@ -29,6 +31,7 @@ class Metadata:
     focal: float | None
     lens: str
     notes: tuple[str, ...]
+    taken: float | None = None
 
 
 def read_metadata(image: Image) -> Metadata:
@@ -43,7 +46,7 @@ def read_metadata(image: Image) -> Metadata:
     length = _positive(tags.get(ExifTags.Base.FocalLength))
     words = (_words(tags.get(tag)) for tag in (ExifTags.Base.Make, ExifTags.Base.Model, ExifTags.Base.LensModel))
     lens = " ".join([*words, f"{length:g} mm" if length else ""]).strip()
-    return Metadata(size, orientation, _focal(tags, length, image.size), lens, notes)
+    return Metadata(size, orientation, _focal(tags, length, image.size), lens, notes, _taken(tags))
 
 
 def _exif(image: Image) -> Exif:
@@ -80,6 +83,18 @@ def _focal(tags: dict[int, Any], length: float | None, size: tuple[int, int]) ->
     sensor_width = original / resolution * unit
     # a picture that was scaled down without its tags being rewritten claims a tiny sensor
     return length / sensor_width * max(size) if sensor_width > 3 else None
+
+
+def _taken(tags: dict[int, Any]) -> float | None:
+    """Time of the exposure, to the fraction of a second if the camera notes it: bursts share a second."""
+    words = tags.get(ExifTags.Base.DateTimeOriginal)
+    try:
+        # as if the camera's clock were UTC: only differences count
+        whole = datetime.strptime(_words(words), "%Y:%m:%d %H:%M:%S").replace(tzinfo=UTC).timestamp()
+    except ValueError:
+        return None
+    fraction = _words(tags.get(ExifTags.Base.SubsecTimeOriginal))
+    return whole + (float(f"0.{fraction}") if fraction.isascii() and fraction.isdigit() else 0.0)
 
 
 def _positive(value: Any) -> float | None:

@@ -3,7 +3,7 @@
 import json
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from panostitch.errors import InputError
 from panostitch.io.readers import open_photo
@@ -14,6 +14,7 @@ from panostitch.model.alignment import (
     Alignment,
     LeftOut,
     LinkSummary,
+    Model,
     PairTried,
     Uncertainty,
     camera_from_json,
@@ -40,7 +41,7 @@ def read_project(path: str) -> Alignment:
             raise ValueError("it is no panostitch project")
         if data["version"] != FORMAT_VERSION:
             raise ValueError(f"its version is {data['version']}, this program reads {FORMAT_VERSION}")
-        if data["model"] not in ("rotation", "homography") or not data["photos"]:
+        if data["model"] not in get_args(Model) or not data["photos"]:
             raise ValueError("it holds no panorama")
         return Alignment(
             model=data["model"],

@@ -4,7 +4,6 @@ Pillow reads headers and all formats but ordinary JPEG, which OpenCV decodes twi
 """
 
 import os
-import re
 import struct
 import warnings
 from collections import Counter
@@ -29,7 +28,7 @@ from PIL import (
 
 from panostitch.errors import InputError
 from panostitch.io.metadata import read_metadata
-from panostitch.model.photo import Photo
+from panostitch.model.photo import Photo, natural_key
 
 Pixels = NDArray[np.uint8]
 
@@ -51,7 +50,6 @@ EXTENSIONS = frozenset(
 REDUCED_MODES = {8: cv2.IMREAD_REDUCED_COLOR_8, 4: cv2.IMREAD_REDUCED_COLOR_4, 2: cv2.IMREAD_REDUCED_COLOR_2}
 MAX_MEGAPIXELS = 1000.0
 COPY_ANEW = "copy it anew from the camera"
-DIGITS = tuple("0123456789")
 # What Pillow and OpenCV raise on damaged files.
 READ_FAILURES = (
     OSError,
@@ -139,7 +137,16 @@ def open_photo(path: str | os.PathLike[str]) -> Photo:
     megapixels = metadata.size[0] * metadata.size[1] / 1e6
     if megapixels > MAX_MEGAPIXELS:
         raise InputError(f"{name}: claims {megapixels:.0f} megapixels; {MAX_MEGAPIXELS:.0f} is the most")
-    return Photo(os.path.basename(name), metadata.size, source, name, metadata.focal, metadata.lens, metadata.notes)
+    return Photo(
+        os.path.basename(name),
+        metadata.size,
+        source,
+        name,
+        metadata.focal,
+        metadata.lens,
+        metadata.notes,
+        metadata.taken,
+    )
 
 
 def photos_in(folder: str) -> list[str]:
@@ -149,12 +156,6 @@ def photos_in(folder: str) -> list[str]:
         for entry in os.scandir(folder)
         if entry.is_file() and not entry.name.startswith(".") and Path(entry.name).suffix.lower() in EXTENSIONS
     )
-
-
-def natural_key(name: str) -> tuple[object, ...]:
-    """Sort key under which photo_9 comes before photo_10."""
-    parts = re.split(r"([0-9]+)", name.casefold())
-    return tuple((int(part), "") if part[:1] in DIGITS else (-1, part) for part in parts if part), name
 
 
 def _named_apart(photos: list[Photo]) -> list[Photo]:

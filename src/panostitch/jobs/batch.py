@@ -9,9 +9,10 @@ from pathlib import Path
 
 from panostitch import pipeline
 from panostitch.errors import EXIT_BATCH_FAILED, EXIT_LEFT_OUT, EXIT_OK, InputError, PanostitchError
-from panostitch.io.readers import natural_key, open_photos, photos_in
+from panostitch.io.readers import open_photos, photos_in
 from panostitch.io.writers import check_output, write_panorama
 from panostitch.model.alignment import LeftOut
+from panostitch.model.photo import natural_key
 from panostitch.options import Options
 from panostitch.runtime.executor import Executor
 from panostitch.runtime.trace import Trace, silent
@@ -123,7 +124,7 @@ def _panorama(
     path = os.path.join(setting.output, name + setting.extension)
     try:
         check_output(path, overwrite=setting.overwrite, inputs=task.photos)
-        alignment = pipeline.align_panorama(recognition, number, setting.options, trace=trace)
+        alignment = pipeline.align_panorama(recognition, number, setting.options, run=setting.run, trace=trace)
         panorama = pipeline.render(alignment, setting.options, run=setting.run, trace=trace)
         write_panorama(panorama, path, setting.options.output, run=setting.run, trace=trace)
     except PanostitchError as error:

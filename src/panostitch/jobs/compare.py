@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -139,12 +139,10 @@ def compare(
 
 def judge_options(options: Options) -> Options:
     """Options of the judge: another detector than the one that panostitch aligns with, on larger pictures."""
-    features = replace(
-        options.features,
-        detector="sift" if options.features.detector == "akaze" else "akaze",
-        work_megapixels=max(JUDGE_MEGAPIXELS, options.features.work_megapixels),
-    )
-    return replace(options, features=features)
+    detector: Literal["sift", "akaze"] = "sift" if options.features.detector == "akaze" else "akaze"
+    features = replace(options.features, detector=detector)
+    features = replace(features, work_megapixels=max(JUDGE_MEGAPIXELS, features.megapixels))
+    return replace(options, features=features, matching=replace(options.matching, retries="none"))
 
 
 def _common(recognition: Recognition, photos: Sequence[Photo], outcomes: Sequence[Outcome]) -> list[VerifiedMatch]:

@@ -4,12 +4,17 @@ from collections.abc import Sequence
 from functools import partial
 
 from panostitch.matching import brute_force, flann
+from panostitch.matching.cycles import drop_contradictions
 from panostitch.matching.groups import find_groups
 from panostitch.matching.left_out import explain_left_out
 from panostitch.matching.neighbours import Matcher
-from panostitch.matching.pairs import choose_pairs
+from panostitch.matching.pairs import NO_FIRST_LOOK_UP_TO, choose_pairs, promising
+from panostitch.matching.preliminary import count_matches
+from panostitch.matching.propagate import second_neighbours
 from panostitch.matching.ratio import match_pair
-from panostitch.matching.verify import verify_pair
+from panostitch.matching.retry import improved, pairs_to_retry
+from panostitch.matching.tried import pairs_tried
+from panostitch.matching.verify import unpromising, verify_pair
 from panostitch.model.features import Features
 from panostitch.model.match import Link, PutativeMatch
 from panostitch.model.photo import Photo
@@ -17,11 +22,62 @@ from panostitch.options import MatchingOptions
 from panostitch.runtime.executor import Executor, serial
 from panostitch.runtime.trace import Trace, silent
 
-__all__ = ["FLANN_PAYS_FROM", "MATCHERS", "choose_pairs", "explain_left_out", "find_groups", "match", "verify"]
+__all__ = [
+    "FLANN_PAYS_FROM",
+    "MATCHERS",
+    "drop_contradictions",
+    "explain_left_out",
+    "find_groups",
+    "improved",
+    "link_pairs",
+    "link_photos",
+    "match",
+    "pairs_to_retry",
+    "pairs_tried",
+    "verify",
+]
 
 MATCHERS: dict[str, Matcher] = {"brute": brute_force.nearest, "flann": flann.nearest}
 
 FLANN_PAYS_FROM = 6000  # float descriptors in a photo; below, the exact matrix product is quicker
+
+
+def link_photos(
+    photos: Sequence[Photo],
+    features: Sequence[Features],
+    options: MatchingOptions,
+    *,
+    run: Executor = serial,
+    trace: Trace = silent,
+) -> list[Link]:
+    """Links and rejections, sorted, of all pairs of photos that deserve to be looked at."""
+    pairs = choose_pairs(photos, features, seed=options.seed)
+    skipped: list[Link] = []
+    if len(photos) > NO_FIRST_LOOK_UP_TO:
+        counts = count_matches(features, pairs, ratio=options.ratio, run=run)
+        pairs = promising(photos, counts)
+        skipped = [unpromising(pair, counts[pair]) for pair in counts.keys() - set(pairs)]
+    links = link_pairs(photos, features, pairs, options, run=run, trace=trace)
+    more = second_neighbours(photos, links)
+    links += link_pairs(photos, features, more, options, run=run, trace=trace)
+    return sorted([*links, *(link for link in skipped if (link.i, link.j) not in set(more))], key=_pair_of)
+
+
+def link_pairs(
+    photos: Sequence[Photo],
+    features: Sequence[Features],
+    pairs: Sequence[tuple[int, int]],
+    options: MatchingOptions,
+    *,
+    run: Executor = serial,
+    trace: Trace = silent,
+) -> list[Link]:
+    """A link or a rejection for each of these pairs (i, j), i < j, by all their features."""
+    return verify(photos, features, match(features, pairs, options, run=run), options, run=run, trace=trace)
+
+
+def _pair_of(link: Link) -> tuple[int, int]:
+    return link.i, link.j
 
 
 def match(

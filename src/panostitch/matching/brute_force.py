@@ -13,48 +13,41 @@ ROWS = 512  # of the product at once: it stays in the processor's cache
 def nearest(a: Descriptors, b: Descriptors, /, *, seed: int = 0) -> Neighbours:
     """Nearest neighbours between descriptors a (n, d) and b (m, d); exact, so the seed does not matter."""
     del seed
-    binary = a.dtype == np.uint8
-    distances = _hamming if binary else _square
-    rows_a, rows_b = (_signs(d) if binary else np.asarray(d, np.float32) for d in (a, b))
+    rows_a, rows_b = floats(a), floats(b)
     index = np.empty(len(a), np.int32)
-    best, second = np.empty(len(a), np.float32), np.full(len(a), np.inf, np.float32)
-    nearest_back = np.full(len(b), np.inf, np.float32)
+    best, second = np.empty(len(a), np.float32), np.full(len(a), -np.inf, np.float32)
+    best_back = np.full(len(b), -np.inf, np.float32)
     for start in range(0, len(a), ROWS):
-        part = distances(rows_a[start : start + ROWS], rows_b)
-        nearest_back = np.minimum(nearest_back, part.min(0))
-        rows = slice(start, start + len(part))
-        index[rows], best[rows], second[rows] = _two_smallest(part)
-    mutual = best <= nearest_back[index]
-    if not binary:
-        best, second = np.sqrt(best), np.sqrt(second)
-    return Neighbours(index, best, second, mutual)
+        alike = rows_a[start : start + ROWS] @ rows_b.T
+        best_back = np.maximum(best_back, alike.max(0))
+        rows = slice(start, start + len(alike))
+        index[rows], best[rows], second[rows] = _two_largest(alike)
+    distance = _hamming if a.dtype == np.uint8 else _euclidean
+    bits = rows_a.shape[1]
+    return Neighbours(index, distance(best, bits), distance(second, bits), best >= best_back[index])
 
 
-def _square(a: Floats, b: Floats) -> Floats:
-    """Squared Euclidean distances (n, m) between rows of unit length."""
-    product = a @ b.T
-    product *= -2
-    product += 2
-    return np.asarray(np.maximum(product, 0, out=product), np.float32)
+def floats(descriptors: Descriptors) -> Floats:
+    """Descriptors as float32 rows: bits (n, 8 d) of bytes (n, d) as +1 and -1."""
+    if descriptors.dtype == np.uint8:
+        return np.unpackbits(np.asarray(descriptors, np.uint8), axis=1).astype(np.float32) * 2 - 1
+    return np.asarray(descriptors, np.float32)
 
 
-def _signs(descriptors: Descriptors) -> Floats:
-    """Bits (n, 8 d) of bytes (n, d) as +1 and -1."""
-    return np.unpackbits(np.asarray(descriptors, np.uint8), axis=1).astype(np.float32) * 2 - 1
+def _euclidean(product: Floats, _: int) -> Floats:
+    """Distance of two rows of unit length from their product."""
+    return np.asarray(np.sqrt(np.maximum(2 - 2 * product, 0)), np.float32)
 
 
-def _hamming(a: Floats, b: Floats) -> Floats:
-    """Numbers (n, m) of differing bits between rows of signs; exact, since they are small whole numbers."""
-    product = a @ b.T
-    product -= a.shape[1]
-    product *= np.float32(-0.5)
-    return product
+def _hamming(product: Floats, bits: int) -> Floats:
+    """Number of differing bits from the product of two rows of signs; exact, since these are small whole numbers."""
+    return np.asarray((bits - product) / 2, np.float32)
 
 
-def _two_smallest(distances: Floats) -> tuple[NDArray[np.intp], Floats, Floats]:
-    """Column, value and runner-up's value of the smallest entry of each row; overwrites the smallest."""
-    rows = np.arange(len(distances))
-    index = distances.argmin(1)
-    best = distances[rows, index]
-    distances[rows, index] = np.inf
-    return index, best, distances.min(1)
+def _two_largest(product: Floats) -> tuple[NDArray[np.intp], Floats, Floats]:
+    """Column, value and runner-up's value of the largest entry of each row; overwrites the largest."""
+    rows = np.arange(len(product))
+    index = product.argmax(1)
+    best = product[rows, index]
+    product[rows, index] = -np.inf
+    return index, best, product.max(1)

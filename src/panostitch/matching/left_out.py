@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from panostitch.model.alignment import LeftOut
+from panostitch.model.features import Attempt
 from panostitch.model.match import Groups, Link, Rejection
 from panostitch.model.photo import Photo
 
@@ -10,16 +11,21 @@ NAMES_SHOWN = 3
 
 
 def explain_left_out(
-    photos: Sequence[Photo], links: Sequence[Link], groups: Groups, kept: Sequence[int]
+    photos: Sequence[Photo],
+    links: Sequence[Link],
+    groups: Groups,
+    kept: Sequence[int],
+    attempts: Sequence[Sequence[Attempt]] = (),
 ) -> list[LeftOut]:
-    """A LeftOut for each photo (in order) that is not among the kept ones."""
+    """A LeftOut for each photo (in order) that is not among the kept ones; `attempts` are those made on each photo."""
     kept_set = set(kept)
     left_out = []
-    for n, photo in enumerate(photos):
+    for n in range(len(photos)):
         if n in kept_set:
             continue
         others = next((group for group in groups.panoramas if n in group), ())
-        left_out.append(_in_other_group(photos, n, others) if others else _single(photos, links, n, photo))
+        tried = attempts[n] if attempts else ()
+        left_out.append(_in_other_group(photos, n, others) if others else _single(photos, links, n, tried))
     return left_out
 
 
@@ -33,16 +39,19 @@ def _in_other_group(photos: Sequence[Photo], n: int, group: Sequence[int]) -> Le
     )
 
 
-def _single(photos: Sequence[Photo], links: Sequence[Link], n: int, photo: Photo) -> LeftOut:
+def _single(photos: Sequence[Photo], links: Sequence[Link], n: int, attempts: Sequence[Attempt]) -> LeftOut:
+    tried = (f"tried: {', '.join(map(str, attempts))}",) if attempts else ()
     refused = [link for link in links if isinstance(link, Rejection) and n in (link.i, link.j)]
     if not refused:
-        return LeftOut(photo.name, "overlaps no other photo")
+        return LeftOut(photos[n].name, "overlaps no other photo", details=tried)
     best = max(refused, key=lambda link: (link.inliers, link.putative))
     partner = photos[best.j if best.i == n else best.i].name
-    numbers = f"{best.putative} matches, {best.inliers} agree ({best.needed} needed)"
+    numbers = f"{best.putative} matches, {best.inliers} agree" + (f" ({best.needed} needed)" if best.needed else "")
+    if best.overlap:
+        numbers += f", overlap about {best.overlap:.0%}"
     return LeftOut(
-        photo.name,
+        photos[n].name,
         "overlaps no other photo",
-        details=(f"best partner: {partner}, {numbers}: {best.reason}",),
-        hint="take a photo between the two, or try --work-megapixels 3",
+        details=(f"best partner: {partner}, {numbers}: {best.reason}", *tried),
+        hint="take a photo between the two, or leave it out",
     )

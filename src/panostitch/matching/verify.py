@@ -28,6 +28,11 @@ def needed_inliers(matches: int) -> int:
     return int(BASE_INLIERS + INLIERS_PER_MATCH * matches) + 1
 
 
+def unpromising(pair: tuple[int, int], matches: int) -> Rejection:
+    """The rejection of a pair in which a first look at the largest features saw so few matches."""
+    return Rejection(*pair, "too few matches among the largest key points", matches, needed=needed_inliers(0))
+
+
 def verify_pair(
     photos: Sequence[Photo], features: Sequence[Features], putative: PutativeMatch, *, options: MatchingOptions
 ) -> Link:
@@ -74,15 +79,21 @@ def _overlap(
         there = homography.apply(j_from_i, xy_i)
         back = homography.apply(np.asarray(np.linalg.inv(j_from_i), np.float64), xy_j)
         inside = _inside(there, size_j) | _inside(back, size_i)
+    share = overlap_of(j_from_i, size_i, size_j)
+    return (float(inside.mean()) if share is None else share), inside
+
+
+def overlap_of(j_from_i: Floats, size_i: tuple[int, int], size_j: tuple[int, int]) -> float | None:
+    """Share of the smaller photo that both see; None where a corner is behind the horizon, and nobody can tell."""
     corners = np.array([[0, 0], [size_i[0], 0], [size_i[0], size_i[1]], [0, size_i[1]]], np.float64)
     seen = homography.apply(j_from_i, corners)
     frame = np.array([[0, 0], [size_j[0], 0], [size_j[0], size_j[1]], [0, size_j[1]]], np.float32)
     if not np.isfinite(seen).all():
-        return float(inside.mean()), inside
+        return None
     area, _ = cv2.intersectConvexConvex(cv2.convexHull(seen.astype(np.float32)), frame)
     zoom = abs(float(cv2.contourArea(seen.astype(np.float32)))) / (size_i[0] * size_i[1])
     smaller = min(zoom * size_i[0] * size_i[1], size_j[0] * size_j[1])
-    return float(min(area / max(smaller, 1e-9), 1.0)), inside
+    return float(min(area / max(smaller, 1e-9), 1.0))
 
 
 def _inside(xy: Floats, size: tuple[int, int]) -> NDArray[np.bool_]:

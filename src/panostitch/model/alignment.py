@@ -9,6 +9,8 @@ from panostitch.model.camera import Camera
 from panostitch.model.match import ControlPoints
 from panostitch.model.photo import Photo
 
+Model = Literal["rotation", "similarity", "affine", "homography"]
+
 FORMAT = "panostitch alignment"
 FORMAT_VERSION = 2
 
@@ -37,13 +39,18 @@ class LinkSummary:
 class PairTried:
     """What came of a pair of photos (names) whose features were compared.
 
-    matches: by descriptors alone; inliers: those that one homography explains; needed: as many make a link
-    overlap: share of the smaller photo, 0 to 1; error: rms px of the inliers under the homography, 0 without a link
+    matches: by descriptors alone
+    inliers: those of them that one homography explains
+    needed:  how many would have made a link; 0 where there is one
+    overlap: share of the smaller photo, 0 to 1
+    error:   rms px of the inliers under the homography; 0 without a link
     verdict: why there is no link; empty where there is one
     """
 
     first: str
     second: str
+    first_features: int
+    second_features: int
     matches: int
     inliers: int
     needed: int
@@ -64,7 +71,8 @@ class Uncertainty:
 class Alignment:
     """Cameras of photos that form one panorama.
 
-    model:    what the photos were taken to be: views from one point (rotation) or of a flat subject (homography)
+    model:    what the photos were taken to be: views from one point (rotation), or of a flat subject from straight
+              before it (similarity), from far away (affine) or from anywhere (homography)
     photos, cameras: in the same order
     links:    the pairs that hold it together
     dropped:  pairs that matched, but contradict all others
@@ -78,7 +86,7 @@ class Alignment:
     pairs:    every pair of photos that was compared, those of photos that were left out included
     """
 
-    model: Literal["rotation", "homography"]
+    model: Model
     photos: tuple[Photo, ...]
     cameras: tuple[Camera, ...]
     links: tuple[LinkSummary, ...]

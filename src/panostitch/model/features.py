@@ -7,6 +7,23 @@ from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
+class Attempt:
+    """A way in which key points of a photo were sought.
+
+    megapixels: the size at which it was searched
+    contrast:   as it is in the photo (own), or evened out (local)
+    """
+
+    detector: str
+    megapixels: float
+    contrast: str = "own"
+
+    def __str__(self) -> str:
+        evened = " with evened contrast" if self.contrast == "local" else ""
+        return f"{self.detector} at {self.megapixels:.2g} MP{evened}"
+
+
+@dataclass(frozen=True)
 class Features:
     """Key points in full-resolution pixels of the upright photo.
 

@@ -1,5 +1,6 @@
 """A photo: a light handle that knows its size and lens, and reads pixels on demand."""
 
+import re
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -7,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Pixels = NDArray[np.uint8]
+
+DIGITS = tuple("0123456789")
 
 
 class PixelSource(Protocol):
@@ -31,6 +34,7 @@ class Photo:
     path:   the file it lies in; empty for a photo that exists in memory only
     focal:  focal length px as the metadata has it, a hint; None where they have none
     lens:   photos of the same lens share this; empty where the metadata do not say
+    taken:  seconds from some fixed day to the exposure, for the order of photos; None where unknown
     notes:  what was surprising on reading, for the user's eyes
     """
 
@@ -41,8 +45,15 @@ class Photo:
     focal: float | None = None
     lens: str = ""
     notes: tuple[str, ...] = ()
+    taken: float | None = None
 
     @property
     def megapixels(self) -> float:
         """Size in millions of pixels."""
         return self.size[0] * self.size[1] / 1e6
+
+
+def natural_key(name: str) -> tuple[object, ...]:
+    """Sort key under which photo_9 comes before photo_10."""
+    parts = re.split(r"([0-9]+)", name.casefold())
+    return tuple((int(part), "") if part[:1] in DIGITS else (-1, part) for part in parts if part), name

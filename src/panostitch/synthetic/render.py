@@ -13,6 +13,7 @@ from scipy.ndimage import map_coordinates, spline_filter
 
 from panostitch.model.camera import Camera
 from panostitch.model.photo import Photo, Pixels
+from panostitch.runtime.executor import Executor, serial
 from panostitch.synthetic.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -22,6 +23,8 @@ GAMMA = 2.2
 # a cubic spline forgets the edge of its data by 0.27 a pixel: 16 px leave nothing of it
 SPLINE_MARGIN = 16
 MOST_SAMPLES = 8
+FULL_FRAME_DIAGONAL = 43.27  # mm of the sensor that the photos' metadata tell of
+LENGTH_DECIMALS = 1  # of mm, to which metadata state a focal length
 
 
 @dataclass(frozen=True)
@@ -77,17 +80,38 @@ def photograph_plan(
     rng: np.random.Generator | None = None,
     supersample: int | None = None,
     focal_known: bool = False,
+    run: Executor = serial,
 ) -> list[Photo]:
-    """Photos `photo_01`, `photo_02`, ... in memory; with `focal_known` they carry the focal length, as EXIF would."""
-    photos = []
-    for number, (camera, exposure) in enumerate(zip(cameras, exposures or [0.0] * len(cameras), strict=True), 1):
-        pixels = photograph(
-            scene, camera, exposure=exposure, vignetting=vignetting, noise=noise, rng=rng, supersample=supersample
+    """Photos `photo_01`, `photo_02`, ... in memory; with `focal_known` they carry what EXIF tells of the focal length.
+
+    The noise of a photo does not depend on how many threads take them.
+    """
+    dice = rng.spawn(len(cameras)) if rng else [None] * len(cameras)
+    steps = exposures or [0.0] * len(cameras)
+
+    def one(number: int) -> Photo:
+        camera, light = cameras[number], {"exposure": steps[number], "vignetting": vignetting, "noise": noise}
+        pixels = photograph(scene, camera, **light, rng=dice[number], supersample=supersample)
+        length = focal_length(camera) if focal_known and scene.shape == "sphere" else None
+        return Photo(
+            f"photo_{number + 1:02d}",
+            camera.size,
+            ArraySource(pixels),
+            focal=length * pixels_per_mm(camera.size) if length else None,
+            lens=" ".join(["synthetic", *([f"{length:g} mm"] if length else [])]) if focal_known else "",
         )
-        focal = camera.focal if focal_known and scene.shape == "sphere" else None
-        lens = "synthetic" if focal_known else ""
-        photos.append(Photo(f"photo_{number:02d}", camera.size, ArraySource(pixels), focal=focal, lens=lens))
-    return photos
+
+    return list(run.map(one, range(len(cameras)), label="Photographing"))
+
+
+def focal_length(camera: Camera) -> float:
+    """What the metadata of a photo say, mm; rounded, as they are."""
+    return round(camera.focal / pixels_per_mm(camera.size), LENGTH_DECIMALS)
+
+
+def pixels_per_mm(size: tuple[int, int]) -> float:
+    """Of the sensor that photos of a size (width, height) px are from."""
+    return float(np.hypot(*size)) / FULL_FRAME_DIAGONAL
 
 
 def _through_lens(scene: Scene, camera: Camera, supersample: int | None) -> Floats:

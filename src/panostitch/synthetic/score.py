@@ -7,15 +7,28 @@ error. A turn (or, for a flat subject, any homography) of the whole world change
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import permutations
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from panostitch.model.camera import Camera
-
 Floats = NDArray[np.float64]
 
 GRID = (24, 18)
+
+
+class View(Protocol):
+    """What is asked of a camera to be judged; other programs have other lenses than ours."""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) px."""
+
+    def project(self, rays: Floats) -> Floats:
+        """Rays of the world (n, 3) to pixels (n, 2); NaN where they are not in the picture."""
+
+    def rays(self, xy: Floats) -> Floats:
+        """Pixels (n, 2) to rays of the world (n, 3)."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +48,7 @@ class Score:
     missing: tuple[int, ...]
 
 
-def pair_errors(
-    true: tuple[Camera, Camera], estimated: tuple[Camera, Camera], *, grid: tuple[int, int] = GRID
-) -> Floats:
+def pair_errors(true: tuple[View, View], estimated: tuple[View, View], *, grid: tuple[int, int] = GRID) -> Floats:
     """Distances (n,) px in the second photo, for the grid points of the first that truly lie inside the second."""
     for known, guess in zip(true, estimated, strict=True):
         if known.size != guess.size:
@@ -52,7 +63,7 @@ def pair_errors(
     return np.where(np.isfinite(errors), errors, np.inf)
 
 
-def score(true: Sequence[Camera], estimated: Sequence[Camera | None], *, grid: tuple[int, int] = GRID) -> Score:
+def score(true: Sequence[View], estimated: Sequence[View | None], *, grid: tuple[int, int] = GRID) -> Score:
     """Compare the estimated cameras (None for a photo that was left out) with the true ones, in the same order."""
     if len(true) != len(estimated):
         raise ValueError(f"{len(true)} true cameras but {len(estimated)} estimated ones")
@@ -70,7 +81,7 @@ def score(true: Sequence[Camera], estimated: Sequence[Camera | None], *, grid: t
 
 
 def _overlaps(
-    true: Sequence[Camera], estimated: Sequence[Camera | None], grid: tuple[int, int]
+    true: Sequence[View], estimated: Sequence[View | None], grid: tuple[int, int]
 ) -> Iterator[tuple[int, int, Floats]]:
     """Ordered pairs with an error for each of their common points."""
     for i, j in permutations(range(len(true)), 2):

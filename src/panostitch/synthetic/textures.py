@@ -12,6 +12,8 @@ RADII = (0.09, 0.0015)
 # (Field 1987), so that plain areas have fine grain too
 FALL = 0.72
 SUBPIXEL_BITS = 4
+PIXEL_BLUR = 0.5  # px, deviation of the blur that makes a pixel of its light: a box has 0.29, a lens adds to it
+BAND = 64  # rows made at once
 
 
 def procedural_texture(width: int, height: int, seed: int) -> NDArray[np.uint8]:
@@ -21,6 +23,26 @@ def procedural_texture(width: int, height: int, seed: int) -> NDArray[np.uint8]:
     grain = 20 * _noise(width, height, rng, colour=0.15)
     picture = _with_shapes(np.clip(base, 0, 255).astype(np.uint8), rng) + grain
     return np.asarray(np.clip(np.rint(picture), 0, 255), np.uint8)
+
+
+def even_on_sphere(texture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """An equirectangular texture (h, 2 h, 3) without the detail that its narrow pixels near the poles could hold.
+
+    Each row is smoothed along itself until it is no finer than the rows at the equator, as in a picture of a true
+    place: else photos of the poles would show the flicker of unresolved detail.
+    """
+    height, width = texture.shape[:2]
+    latitude = ((np.arange(height) + 0.5) / height - 0.5) * np.pi
+    # a pixel of the equator is 1 / cos wide up there; its own width is there already
+    sigma = PIXEL_BLUR * np.sqrt(1 / np.cos(latitude) ** 2 - 1)
+    frequency = 2 * np.pi * np.fft.rfftfreq(width)
+    smooth = np.empty_like(texture)
+    for top in range(0, height, BAND):
+        rows = slice(top, top + BAND)
+        kept = np.exp(-0.5 * (sigma[rows, None] * frequency) ** 2)[..., None]
+        spectrum = np.fft.rfft(texture[rows], axis=1) * kept
+        smooth[rows] = np.clip(np.rint(np.fft.irfft(spectrum, width, axis=1)), 0, 255)
+    return smooth
 
 
 def _noise(width: int, height: int, rng: np.random.Generator, *, colour: float) -> NDArray[np.float32]:
