@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO := .demo
+PHOTOS ?= samples/hall samples/poster
 
 .DEFAULT_GOAL := help
 .PHONY: help demo setup check test test-all bench samples docs clean
@@ -40,8 +41,10 @@ test: $(VENV)/dev ## the tests that take minutes, not hours
 test-all: $(VENV)/dev ## all tests
 	$(BIN)/python -m pytest -m ''
 
-bench: $(VENV)/dev ## true error of the four detectors; writes docs/reference/accuracy.md
+bench: $(VENV)/dev ## error and seconds, into docs/reference; the photos of PHOTOS="FOLDER ..." or the samples
 	$(BIN)/python benchmarks/accuracy.py --output docs/reference/accuracy.md
+	$(BIN)/python benchmarks/bundle.py --quick
+	$(BIN)/python benchmarks/registration_time.py $(PHOTOS) --output docs/reference/registration-time.md
 
 samples: $(VENV)/dev ## photograph the samples again
 	$(BIN)/python samples/make_samples.py

@@ -87,7 +87,7 @@ def test_the_tree_takes_the_strongest_links_from_the_best_connected_photo():
 
 
 def test_turns_along_the_tree_are_the_true_ones(links):
-    cameras = initial_cameras(blank_photos(true), [FOCAL] * 4, spanning_tree(4, links))
+    cameras = initial_cameras(blank_photos(true), [FOCAL] * 4, spanning_tree(4, links), links)
 
     for n in range(1, 4):
         found = cameras[n].cam_from_world @ cameras[0].cam_from_world.T

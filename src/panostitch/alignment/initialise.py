@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
+from panostitch.alignment.averaging import averaged
 from panostitch.geometry import homography, rotation
 from panostitch.model.camera import Camera
 from panostitch.model.match import VerifiedMatch
@@ -95,18 +96,29 @@ def child_from_parent(parent: int, link: VerifiedMatch) -> Floats:
     return link.j_from_i if link.i == parent else np.asarray(np.linalg.inv(link.j_from_i), np.float64)
 
 
-def initial_cameras(photos: Sequence[Photo], focals: Sequence[float], tree: SpanningTree) -> list[Camera]:
-    """Cameras that turn about one point, from the homographies along the tree and given focal lengths (px)."""
-    turns = [np.eye(3) for _ in photos]
+def initial_cameras(
+    photos: Sequence[Photo], focals: Sequence[float], tree: SpanningTree, links: Sequence[VerifiedMatch]
+) -> list[Camera]:
+    """Cameras that turn about one point, from the links' homographies and given focal lengths (px).
+
+    Turns are multiplied along the tree and then averaged over all links.
+    """
     inner = [_intrinsics(photo, focal) for photo, focal in zip(photos, focals, strict=True)]
+    turns = [np.eye(3) for _ in photos]
     for parent, child, link in tree.edges:
-        turn = np.linalg.inv(inner[child]) @ child_from_parent(parent, link) @ inner[parent]
-        scaled = turn / np.cbrt(np.linalg.det(turn))
-        turns[child] = rotation.nearest(scaled) @ turns[parent]
+        turns[child] = _turn(child_from_parent(parent, link), inner[parent], inner[child]) @ turns[parent]
+    relative = [_turn(link.j_from_i, inner[link.i], inner[link.j]) for link in links]
+    turns = averaged(turns, [(link.i, link.j) for link in links], relative, [link.inliers for link in links])
     return [
         Camera(photo.size, focal, _centre(photo), turn)
         for photo, focal, turn in zip(photos, focals, turns, strict=True)
     ]
+
+
+def _turn(homography: Floats, inner_i: Floats, inner_j: Floats) -> Floats:
+    """The rotation (3, 3) nearest to a homography from photo i to photo j with these intrinsics."""
+    turn = np.linalg.inv(inner_j) @ homography @ inner_i
+    return rotation.nearest(turn / np.cbrt(np.linalg.det(turn)))
 
 
 def zoomed_focals(photos: Sequence[Photo], focal: float, tree: SpanningTree) -> list[float]:

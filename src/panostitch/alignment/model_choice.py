@@ -32,6 +32,7 @@ NEARLY_AS_GOOD = 1.25  # times the error of the best flat model that a plainer o
 # slide over each other, nothing shows that a camera turned. Photographs of ordinary lenses have 1.4 and more.
 SLIDES = 1.1
 UNSEEN = 0.1  # working px: errors below say nothing
+ALL_AROUND_FITS = 5.0  # working px: a rotation that fits this well is believed about directions far apart
 MANY = 20  # photos beyond which flat models are not tried where a rotation fits
 # Across a photo: where a rotation fits with such a lens, nothing slides. A lens that is wider was found because nothing
 # shows what it is: the photos hardly differ.
@@ -91,7 +92,12 @@ def candidate(
 
 def flat_to_try(turning: Candidate | None, cameras: Sequence[Camera], *, pixel_size: float) -> tuple[Model, ...]:
     """Which flat models are worth the time beside turning cameras with their candidate, if there are any."""
-    if turning is None or turning.noise > NOTICEABLE * pixel_size:
+    if turning is None:
+        return FLAT
+    forward = np.array([camera.cam_from_world[2] for camera in cameras])
+    if turning.noise < ALL_AROUND_FITS * pixel_size and (forward @ forward.T).min() < 0:
+        return ()  # no plane is seen in directions more than a right angle apart
+    if turning.noise > NOTICEABLE * pixel_size:
         return FLAT
     field = float(np.median([2 * np.arctan(max(camera.size) / 2 / camera.focal) for camera in cameras]))
     ordinary = ORDINARY_FIELD[0] < field < ORDINARY_FIELD[1]
@@ -120,7 +126,9 @@ def choose(candidates: Sequence[Candidate], *, pixel_size: float) -> Choice:
         return _choice(plainest, candidates, noise, "a flat subject explains the matches clearly better")
     sliding = [c for c in flat if c.model != "homography" and noise[c.model] <= SLIDES * limit]
     if sliding:
-        return _choice(plainest, candidates, noise, "the photos slide over each other without perspective")
+        slid = plainest.model != "homography"
+        why = "the photos slide over each other without perspective" if slid else "a flat subject explains the matches"
+        return _choice(plainest, candidates, noise, why)
     return _choice(turning, candidates, noise, "views from one point explain the matches")
 
 

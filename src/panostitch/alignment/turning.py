@@ -21,9 +21,12 @@ START_TOLERANCE = 1e-3
 LOSS_SCALES = (64, 8, 1)
 GOOD_START = 0.25  # times the loss scale, median: the noise of key points; no other start will do better
 ZOOM = 1.1  # ratio of focal lengths from which they are taken for different ones
-LENS_EVIDENCE = 0.1  # share by which a freed parameter must lower the cost: parallax poses as distortion too
+# Share by which what is freed must lower the squares of the errors. Parallax poses as a lens too, best of all as a
+# decentred one.
+DISTORTION_EVIDENCE, CENTRE_EVIDENCE, FOCAL_EVIDENCE, JOINT_EVIDENCE = 0.1, 0.3, 0.3, 0.5
+BETTER_PART = 0.8
 NOTHING = 1e-3  # px, an error that needs no explanation
-MAX_DISTORTION = 0.2  # at the corner of the photo, as a share of the radius
+MAX_DISTORTION = 0.1  # at the corner of the photo, as a share of the radius
 MAX_DECENTRING = 0.05  # of the photo's diagonal
 MIN_FIELD, MAX_FIELD = 0.5, 170.0  # degrees across one photo that a lens can have
 
@@ -48,16 +51,17 @@ def turning_cameras(photos: Sequence[Photo], links: Sequence[VerifiedMatch], *, 
 def freed(photos: Sequence[Photo], start: Turning, points: Sequence[ControlPoints], *, scale: float) -> Turning:
     """The cameras adjusted to the points, with as much of a lens freed, step by step, as the evidence pays for."""
     freedom = start.freedom
-    nothing = sum(len(pair) for pair in points) * NOTHING**2
-    solution = adjust(start.cameras, points, freedom, loss_scale=scale)
-    for richer in _steps(photos):
+    cameras = adjust(start.cameras, points, freedom, loss_scale=scale).cameras
+    least = _square(cameras, points)
+    for richer, evidence in _steps(photos):
         wider = _joined(freedom, richer)
         if wider == freedom:
             continue
-        candidate = adjust(solution.cameras, points, wider, loss_scale=scale)
-        if _possible(candidate) and candidate.cost < (1 - LENS_EVIDENCE) * solution.cost - nothing:
-            solution, freedom = candidate, wider
-    return Turning(solution.cameras, freedom)
+        candidate = adjust(cameras, points, wider, loss_scale=scale)
+        square = _square(candidate.cameras, points)
+        if _possible(candidate) and square < (1 - evidence) * least - NOTHING**2:
+            cameras, freedom, least = candidate.cameras, wider, square
+    return Turning(cameras, freedom)
 
 
 def settled(start: Turning, points: Sequence[ControlPoints], *, scale: float) -> Turning:
@@ -65,20 +69,30 @@ def settled(start: Turning, points: Sequence[ControlPoints], *, scale: float) ->
     return replace(start, cameras=adjust(start.cameras, points, start.freedom, loss_scale=scale).cameras)
 
 
-def _steps(photos: Sequence[Photo]) -> Iterator[Freedom]:
-    """What may be freed, the most plausible first."""
+def _square(cameras: Sequence[Camera], points: Sequence[ControlPoints]) -> float:
+    """Mean square (px^2) of the better part of the errors: what a lens explains shows there, not among the outliers."""
+    square = np.sort(np.concatenate([distances(cameras, pair) for pair in points])) ** 2
+    return float(square[: max(int(BETTER_PART * len(square)), 1)].mean())
+
+
+def _steps(photos: Sequence[Photo]) -> Iterator[tuple[Freedom, float]]:
+    """What may be freed and the evidence it takes, the most plausible first."""
     groups, each_its_own = tuple(lens_groups(photos)), tuple(range(len(photos)))
-    yield Freedom(groups, groups, terms=1)
+    yield Freedom(groups, groups, terms=1), DISTORTION_EVIDENCE
     if len(photos) == 2:
         return  # two photos cannot tell more
-    yield Freedom(groups, groups, terms=2)
-    yield Freedom(each_its_own, groups)  # zoom, or a lens that breathes as it focuses
+    yield Freedom(groups, groups, terms=2), DISTORTION_EVIDENCE
+    yield Freedom(groups, groups, centres=True), CENTRE_EVIDENCE
+    yield Freedom(each_its_own, groups), FOCAL_EVIDENCE  # zoom, or a lens that breathes as it focuses
+    yield Freedom(each_its_own, groups, 2, centres=True), JOINT_EVIDENCE  # each alone may do little
 
 
 def _joined(freedom: Freedom, richer: Freedom) -> Freedom:
     """All that is free in one or the other."""
     focals = max(freedom.focals, richer.focals, key=lambda numbers: len(set(numbers)))
-    return replace(freedom, focals=focals, terms=max(freedom.terms, richer.terms))
+    return replace(
+        freedom, focals=focals, terms=max(freedom.terms, richer.terms), centres=freedom.centres or richer.centres
+    )
 
 
 def _best_start(photos: Sequence[Photo], links: Sequence[VerifiedMatch], scale: float) -> Turning | None:
@@ -89,14 +103,16 @@ def _best_start(photos: Sequence[Photo], links: Sequence[VerifiedMatch], scale: 
     together = Freedom(focals=groups, lenses=groups)
     best: tuple[float, Turning] | None = None
     for focals in focal_candidates(photos, links):
-        best = _better(best, initial_cameras(photos, focals, tree), few, together, scale)
+        best = _better(best, initial_cameras(photos, focals, tree, links), few, together, scale)
         if best and _explains_all(best[1].cameras, few, scale):
             return best[1]
     if best is None:
         return None
     focals = zoomed_focals(photos, best[1].cameras[tree.root].focal, tree)
     if max(focals) > ZOOM * min(focals) and len(photos) > 2:
-        best = _better(best, initial_cameras(photos, focals, tree), few, replace(together, focals=each_its_own), scale)
+        best = _better(
+            best, initial_cameras(photos, focals, tree, links), few, replace(together, focals=each_its_own), scale
+        )
     return best[1] if best else None
 
 
