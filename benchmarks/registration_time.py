@@ -237,7 +237,7 @@ def main() -> None:
         sets[Path(folder).resolve().name, len(photos_in(folder))] = measure(
             folder, programs, repeat=given.repeat, threads=given.threads
         )
-    text = page(sets, repeat=given.repeat, threads=given.threads)
+    text = page(sets, threads=given.threads)
     print(text)
     if given.output:
         given.output.write_text(text + "\n")
@@ -268,11 +268,12 @@ def run_apart(program: str, folder: str, threads: int) -> Run:
 # ---- words
 
 
-def page(sets: dict[tuple[str, int], dict[str, list[Run]]], *, repeat: int, threads: int) -> str:
-    """All of it in Markdown."""
+def page(sets: dict[tuple[str, int], dict[str, list[Run]]], *, threads: int) -> str:
+    """All of it in Markdown, from the runs of each program on each set (name, number of photos)."""
+    times = sorted({len(done) for runs in sets.values() for done in runs.values()})
     stages = "".join(f" {name} |" for name in STAGES)
     lines = [
-        header(repeat, threads),
+        header(" to ".join(map(str, dict.fromkeys([times[0], times[-1]]))), threads),
         *(line for (name, photos), runs in sets.items() for line in comparison(name, photos, runs)),
         "",
         f"## Where the time of {OURS} goes",
@@ -286,7 +287,7 @@ def page(sets: dict[tuple[str, int], dict[str, list[Run]]], *, repeat: int, thre
     return "\n".join(lines)
 
 
-def header(repeat: int, threads: int) -> str:
+def header(repeat: str, threads: int) -> str:
     """What the table is, and its head."""
     return f"""# Registration time
 
@@ -295,8 +296,8 @@ the median counts) take turns, each in a process of its own with {threads} threa
 which measure control points on the full photos; cv2.Stitcher's `estimateTransform` with the reading of the photos,
 without OpenCL; Hugin's cpfind --multirow, cpclean and autooptimiser -a -m -l -s. Imports are not counted, nor is
 pto_gen; the first two have warmed up on two blank photos. Seconds on the clock depend on what else the machine is
-doing, CPU seconds (user and system) much less. Ratios: {OURS} over the other program, which has had less to do where it
-includes fewer photos.
+doing, CPU seconds (user and system) much less. Ratios: {OURS} over the other program, which has had less to do
+where it includes fewer photos.
 
 Made by `python benchmarks/registration_time.py FOLDER ...` (`make bench`) with
 {", ".join(versions())}.

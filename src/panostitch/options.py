@@ -93,7 +93,9 @@ class AlignmentOptions:
     refine: Literal["full", "none"] = option(
         "full", "Measure control points again on the full photos (full), or take them as key points are (none)."
     )
-    straighten: Literal["auto", "none"] = option("auto", "Level the horizon, or keep the first photo's axes.")
+    straighten: Literal["auto", "none"] = option(
+        "auto", "Level the horizon (auto), or leave the view as it was found (none)."
+    )
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from panostitch.alignment.bundle import distances, standard_errors
-from panostitch.alignment.fit import Fit, noise_scale, pruned, refitted, rough_fit, without_contradictions
+from panostitch.alignment.bundle import standard_errors
+from panostitch.alignment.distances import distances
+from panostitch.alignment.fit import (
+    Fit,
+    noise_scale,
+    pruned,
+    refitted,
+    rough_fit,
+    settled_again,
+    without_contradictions,
+)
 from panostitch.alignment.model_choice import Candidate, Choice, candidate, choose, flat_parameters, flat_to_try
 from panostitch.alignment.refine import refined
 from panostitch.alignment.residuals import thinned
@@ -51,12 +60,14 @@ def align_group(
     """
     rough, choice = _rough(photos, links, options, pixel_size)
     points = _control_points(photos, rough, options, pixel_size, run)
-    points = pruned(refitted(rough, photos, points), points)
     used, held = _split(points)
     fit = refitted(rough, photos, used)
+    used, held = pruned(fit, used, used), pruned(fit, held, used)
+    fit = settled_again(fit, photos, used)
     cameras = fit.cameras
     if options.straighten == "auto" and fit.model == "rotation":
         cameras = straighten(cameras)
+    points = _together(used, held)
     errors, judged = fit.errors(points), fit.errors(held) if held else None
     kept = {(link.i, link.j) for link in fit.links}
     alignment = Alignment(
@@ -149,6 +160,12 @@ def _uncertainties(fit: Fit, points: Sequence[ControlPoints]) -> tuple[Uncertain
     return standard_errors(fit.cameras, points, fit.freedom, loss_scale=noise_scale(fit, points))
 
 
+def _together(used: Sequence[ControlPoints], held: Sequence[ControlPoints]) -> list[ControlPoints]:
+    """The control points of each pair, those to judge by last."""
+    aside = {(pair.i, pair.j): pair for pair in held}
+    return [pair.joined(aside[pair.i, pair.j]) if (pair.i, pair.j) in aside else pair for pair in used]
+
+
 def _failure(photos: Sequence[Photo], rms: float, pixel_size: float) -> AlignmentError:
     names = ", ".join(photo.name for photo in photos[:4]) + (", ..." if len(photos) > 4 else "")
     return AlignmentError(
@@ -159,7 +176,7 @@ def _failure(photos: Sequence[Photo], rms: float, pixel_size: float) -> Alignmen
 
 
 def _summary(cameras: Sequence[Camera], points: ControlPoints) -> LinkSummary:
-    return LinkSummary(points.i, points.j, len(points), _rms(distances(cameras, points)))
+    return LinkSummary(points.i, points.j, len(points), _rms(distances(cameras, [points])[0]))
 
 
 def _rms(errors: Floats) -> float:

@@ -13,14 +13,14 @@ from scipy.sparse.linalg import SuperLU
 
 from panostitch.alignment import loss
 from panostitch.alignment.levenberg import minimise
-from panostitch.alignment.residuals import BEHIND, arrays_of, cameras_of
+from panostitch.alignment.residuals import arrays_of, cameras_of
 from panostitch.alignment.turning_problem import turning_problem
 from panostitch.alignment.unknowns import Freedom, Unknowns, orthonormal
 from panostitch.model.alignment import Uncertainty
 from panostitch.model.camera import Camera
 from panostitch.model.match import ControlPoints
 
-__all__ = ["Freedom", "Solution", "adjust", "distances", "standard_errors"]
+__all__ = ["Freedom", "Solution", "adjust", "standard_errors"]
 
 Floats = NDArray[np.float64]
 
@@ -52,12 +52,6 @@ def adjust(
     problem = turning_problem(cameras, observations, freedom, loss_scale)
     found, cost = minimise(arrays_of(cameras), problem, max_steps=max_steps, tolerance=tolerance)
     return Solution(cameras_of(replace(found, turns=orthonormal(found.turns)), cameras), cost)
-
-
-def distances(cameras: Sequence[Camera], observation: ControlPoints) -> Floats:
-    """Distance (n,) px of each match in photo j; for cameras of any model."""
-    there = cameras[observation.j].project(cameras[observation.i].rays(observation.xy_i))
-    return np.asarray(np.nan_to_num(np.linalg.norm(there - observation.xy_j, axis=1), nan=BEHIND))
 
 
 def standard_errors(

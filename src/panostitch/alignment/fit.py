@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from panostitch.alignment.bundle import Freedom, distances
+from panostitch.alignment.bundle import Freedom
+from panostitch.alignment.distances import distances
 from panostitch.alignment.initialise import holds_together, spanning_tree
 from panostitch.alignment.planar import planar_cameras
 from panostitch.alignment.residuals import thinned
@@ -21,6 +22,7 @@ Floats = NDArray[np.float64]
 CONTRADICTION = 4.0  # times the median error of all links: a link that is further off speaks of another scene
 MIN_CONTRADICTION = 0.03  # of the photo's length: parallax makes true links differ by this much
 CLOSE = 3.0  # times the median error: control points within it count fully
+SHARPER = 0.7  # times the noise before: errors that have become this much smaller are looked at again
 FAR = 6.0  # times the median error of its pair: a control point beyond it is none
 CLOSEST = 0.1  # px, and at least these
 
@@ -36,7 +38,7 @@ class Fit:
 
     def errors(self, points: Sequence[ControlPoints]) -> Floats:
         """Distances (n,) px of control points under the cameras."""
-        return np.concatenate([distances(self.cameras, pair) for pair in points])
+        return np.concatenate(distances(self.cameras, points))
 
 
 def rough_fit(model: Model, photos: Sequence[Photo], links: Sequence[VerifiedMatch], *, scale: float) -> Fit | None:
@@ -71,7 +73,8 @@ def without_contradictions(fit: Fit, photos: Sequence[Photo], *, scale: float) -
     """
     tolerated = MIN_CONTRADICTION * float(np.median([max(photo.size) for photo in photos]))
     while True:
-        medians = np.array([np.median(distances(fit.cameras, thinned(link))) for link in fit.links])
+        errors = distances(fit.cameras, [thinned(link) for link in fit.links])
+        medians = np.array([np.median(one) for one in errors])
         limit = max(CONTRADICTION * float(np.median(medians)), tolerated)
         kept = list(fit.links)
         # half of them at once: a link that only suffers from a wrong one recovers
@@ -87,19 +90,30 @@ def without_contradictions(fit: Fit, photos: Sequence[Photo], *, scale: float) -
 
 def refitted(fit: Fit, photos: Sequence[Photo], points: Sequence[ControlPoints]) -> Fit:
     """The fit adjusted to control points whose errors set the scale themselves."""
-    for _ in range(2):
-        fit = followed(fit, photos, points, scale=noise_scale(fit, points), free=True)
+    while True:
+        scale = noise_scale(fit, points)
+        before, fit = fit, followed(fit, photos, points, scale=scale, free=True)
+        # what one lens explains may have hidden that another one would explain more
+        if fit.freedom == before.freedom or noise_scale(fit, points) > SHARPER * scale:
+            break
+    return settled_again(fit, photos, points)
+
+
+def settled_again(fit: Fit, photos: Sequence[Photo], points: Sequence[ControlPoints]) -> Fit:
+    """The fit adjusted to control points on the scale of their own errors, with nothing more freed."""
     return followed(fit, photos, points, scale=noise_scale(fit, points))
 
 
-def pruned(fit: Fit, points: Sequence[ControlPoints]) -> list[ControlPoints]:
-    """The control points without those that are far off even for their pair: something moved there."""
-    scale = noise_scale(fit, points)
-    kept = []
-    for pair in points:
-        errors = distances(fit.cameras, pair)
-        kept.append(pair.take(errors <= max(FAR * float(np.median(errors)), scale)))
-    return kept
+def pruned(fit: Fit, points: Sequence[ControlPoints], used: Sequence[ControlPoints]) -> list[ControlPoints]:
+    """The control points without those that are far off even for their pair: something moved there.
+
+    `used` are those that the fit rests on.
+    """
+    scale = noise_scale(fit, used)
+    return [
+        pair.take(errors <= max(FAR * float(np.median(errors)), scale))
+        for pair, errors in zip(points, distances(fit.cameras, points), strict=True)
+    ]
 
 
 def noise_scale(fit: Fit, points: Sequence[ControlPoints]) -> float:

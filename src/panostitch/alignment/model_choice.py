@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from panostitch.alignment.bundle import distances
+from panostitch.alignment.distances import distances
 from panostitch.model.alignment import Model
 from panostitch.model.camera import Camera
 from panostitch.model.match import ControlPoints
@@ -84,7 +84,9 @@ def candidate(
 
     Give every model the same matches, all that there are.
     """
-    square = np.concatenate([(distances(cameras, p) ** 2 + distances(cameras, p.swapped()) ** 2) / 2 for p in points])
+    there = np.concatenate(distances(cameras, points))
+    back = np.concatenate(distances(cameras, [pair.swapped() for pair in points]))
+    square = (there**2 + back**2) / 2
     # the one square that has the mean loss of all
     error = scale * float(np.sqrt(np.expm1(np.log1p(square / scale**2).mean())))
     return Candidate(model, error, parameters, len(square))

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from panostitch.alignment.bundle import Freedom, Solution, adjust, distances
+from panostitch.alignment.bundle import Freedom, Solution, adjust
+from panostitch.alignment.distances import distances
 from panostitch.alignment.initialise import focal_candidates, initial_cameras, lens_groups, spanning_tree, zoomed_focals
 from panostitch.alignment.residuals import thinned
 from panostitch.geometry import lens
@@ -16,6 +17,7 @@ from panostitch.model.photo import Photo
 MATCHES_TO_START = 40  # of each link: enough to tell a good start from a bad one
 START_STEPS = 15
 START_TOLERANCE = 1e-3
+SAME_END = 0.01  # share of the cost by which two starts that end at the same place may differ
 # Times the final loss scale: a rough start is not to be taken for a heap of outliers, nor the link that closes a ring
 # for a wrong one while the focal length is off by some per cent.
 LOSS_SCALES = (64, 8, 1)
@@ -45,17 +47,29 @@ def turning_cameras(photos: Sequence[Photo], links: Sequence[VerifiedMatch], *, 
     `scale` is the noise of a match, px: errors well beyond it count little.
     """
     start = _best_start(photos, links, scale)
-    return None if start is None else freed(photos, start, [thinned(link) for link in links], scale=scale)
+    if start is None:
+        return None
+    return freed(photos, start, [thinned(link) for link in links], scale=scale, distortion_only=True)
 
 
-def freed(photos: Sequence[Photo], start: Turning, points: Sequence[ControlPoints], *, scale: float) -> Turning:
-    """The cameras adjusted to the points, with as much of a lens freed, step by step, as the evidence pays for."""
+def freed(
+    photos: Sequence[Photo],
+    start: Turning,
+    points: Sequence[ControlPoints],
+    *,
+    scale: float,
+    distortion_only: bool = False,
+) -> Turning:
+    """The cameras adjusted to the points, with as much of a lens freed, step by step, as the evidence pays for.
+
+    `distortion_only` is for key points, whose noise hides the rest.
+    """
     freedom = start.freedom
     cameras = adjust(start.cameras, points, freedom, loss_scale=scale).cameras
     least = _square(cameras, points)
     for richer, evidence in _steps(photos):
         wider = _joined(freedom, richer)
-        if wider == freedom:
+        if wider == freedom or (distortion_only and evidence != DISTORTION_EVIDENCE):
             continue
         candidate = adjust(cameras, points, wider, loss_scale=scale)
         square = _square(candidate.cameras, points)
@@ -71,7 +85,7 @@ def settled(start: Turning, points: Sequence[ControlPoints], *, scale: float) ->
 
 def _square(cameras: Sequence[Camera], points: Sequence[ControlPoints]) -> float:
     """Mean square (px^2) of the better part of the errors: what a lens explains shows there, not among the outliers."""
-    square = np.sort(np.concatenate([distances(cameras, pair) for pair in points])) ** 2
+    square = np.sort(np.concatenate(distances(cameras, points))) ** 2
     return float(square[: max(int(BETTER_PART * len(square)), 1)].mean())
 
 
@@ -101,42 +115,47 @@ def _best_start(photos: Sequence[Photo], links: Sequence[VerifiedMatch], scale: 
     few = [thinned(link, MATCHES_TO_START) for link in links]
     groups, each_its_own = tuple(lens_groups(photos)), tuple(range(len(photos)))
     together = Freedom(focals=groups, lenses=groups)
-    best: tuple[float, Turning] | None = None
+    best: Start | None = None
     for focals in focal_candidates(photos, links):
-        best = _better(best, initial_cameras(photos, focals, tree, links), few, together, scale)
-        if best and _explains_all(best[1].cameras, few, scale):
-            return best[1]
+        start = _start(initial_cameras(photos, focals, tree, links), few, together, scale)
+        if start is None:
+            continue
+        if _explains_all(start.turning.cameras, few, scale):
+            return start.turning
+        if best and abs(start.cost - best.cost) < SAME_END * best.cost:
+            break  # two starts that end at the same place: the others will too
+        best = min(best or start, start, key=lambda s: s.cost)
     if best is None:
         return None
-    focals = zoomed_focals(photos, best[1].cameras[tree.root].focal, tree)
+    focals = zoomed_focals(photos, best.turning.cameras[tree.root].focal, tree)
     if max(focals) > ZOOM * min(focals) and len(photos) > 2:
-        best = _better(
-            best, initial_cameras(photos, focals, tree, links), few, replace(together, focals=each_its_own), scale
-        )
-    return best[1] if best else None
+        apart = replace(together, focals=each_its_own)
+        start = _start(initial_cameras(photos, focals, tree, links), few, apart, scale)
+        best = start if start and start.cost < (1 - FOCAL_EVIDENCE) * best.cost else best
+    return best.turning
 
 
-def _better(
-    best: tuple[float, Turning] | None,
-    cameras: Sequence[Camera],
-    points: Sequence[ControlPoints],
-    freedom: Freedom,
-    scale: float,
-) -> tuple[float, Turning] | None:
-    """The best start so far, with its cost, or these cameras where the adjustment gets farther from them."""
+@dataclass(frozen=True)
+class Start:
+    """Where the adjustment got to from one start, and its robust cost (px^2) there."""
+
+    turning: Turning
+    cost: float
+
+
+def _start(cameras: Sequence[Camera], points: Sequence[ControlPoints], freedom: Freedom, scale: float) -> Start | None:
+    """Roughly adjusted cameras; None where they need an impossible lens."""
     for loss_scale in (scale * times for times in LOSS_SCALES):
         solution = adjust(
             cameras, points, freedom, loss_scale=loss_scale, max_steps=START_STEPS, tolerance=START_TOLERANCE
         )
         cameras = solution.cameras
-    if not _possible(solution) or (best and best[0] <= solution.cost):
-        return best
-    return solution.cost, Turning(solution.cameras, freedom)
+    return Start(Turning(solution.cameras, freedom), solution.cost) if _possible(solution) else None
 
 
 def _explains_all(cameras: Sequence[Camera], points: Sequence[ControlPoints], scale: float) -> bool:
     """Whether no other start can do better: the errors are the noise of key points, and no link stands apart."""
-    medians = np.array([np.median(distances(cameras, pair)) for pair in points])
+    medians = np.array([np.median(errors) for errors in distances(cameras, points)])
     return bool(np.median(medians) < GOOD_START * scale and medians.max() < scale)
 
 

@@ -11,6 +11,9 @@ import click
 from panostitch.errors import EXIT_LEFT_OUT, EXIT_OK, PanostitchError
 from panostitch.model.alignment import Alignment, LeftOut, LinkSummary
 from panostitch.model.panorama import Panorama
+from panostitch.model.photo import natural_key
+
+NOWHERE_NEAR = 1000.0  # px; from here on the figure says nothing more
 
 
 def printable(text: str) -> str:
@@ -56,7 +59,9 @@ def say_alignment(alignment: Alignment, *, verbose: int) -> None:
 def _say_cameras(alignment: Alignment) -> None:
     errors = alignment.uncertainties or (None,) * len(alignment.cameras)
     for photo, camera, error in zip(alignment.photos, alignment.cameras, errors, strict=True):
-        say(f"  {photo.name}: focal length {camera.focal:.1f} px, k1 {camera.k1:+.4f}, k2 {camera.k2:+.4f}")
+        x, y = (c - (n - 1) / 2 for c, n in zip(camera.centre, camera.size, strict=True))
+        centre = f", centre {x:+.1f} {y:+.1f} px off the middle" if x or y else ""
+        say(f"  {photo.name}: focal length {camera.focal:.1f} px, k1 {camera.k1:+.4f}, k2 {camera.k2:+.4f}{centre}")
         if error:
             turn = math.degrees(error.turn)
             say(f"    standard errors: focal length {error.focal:.2f} px, direction {turn:.4f} degrees")
@@ -69,9 +74,10 @@ def _say_links(alignment: Alignment) -> None:
 
 def _say_dropped(alignment: Alignment) -> None:
     for link in alignment.dropped:
+        where = f"{link.rms:.0f} px off from" if link.rms < NOWHERE_NEAR else "nowhere near"
         say(
             f"dropped: {_names(alignment, link)}: {link.matches} matches agree with each other, but are "
-            f"{link.rms:.0f} px off from where all other photos put them"
+            f"{where} where all other photos put them"
         )
 
 
@@ -134,7 +140,7 @@ def _inclusion(alignment: Alignment) -> list[dict[str, Any]]:
     reasons = {photo.name: photo.reason for photo in alignment.left_out}
     names = [*(photo.name for photo in alignment.photos), *reasons]
     rows = []
-    for name in sorted(names):
+    for name in sorted(names, key=natural_key):
         own = [pair for pair in alignment.pairs if name in (pair.first, pair.second)]
         best = max(own, key=lambda pair: (pair.inliers, pair.matches), default=None)
         partner = None if best is None else best.second if best.first == name else best.first

@@ -39,7 +39,7 @@ def _only_roll(options: LayoutOptions) -> None:
     if wrong:
         raise UsageError(
             f"{' and '.join(wrong)}: a flat subject is seen straight on; there is nothing around it to turn to",
-            hint="--roll turns it in its plane; --model rotation takes the photos for views all around",
+            hint="--roll turns it in its plane; aligned with --model rotation, the photos are views all around",
         )
 
 
@@ -60,5 +60,5 @@ def _unknown(name: str, names: list[str]) -> UsageError:
     return UsageError(
         f"--center-on {name}: no photo of the panorama has that name",
         details=(f"its photos are {shown}{more}",),
-        hint=f"did you mean {near[0]}?" if near else "names are those that `panostitch align` lists",
+        hint=f"did you mean {near[0]}?" if near else "names are those that `panostitch align -v` lists",
     )

@@ -118,7 +118,7 @@ class Pictures:
         edges = [
             diagram.Edge(link.i, link.j, link.inliers, sound=bool(link))
             for link in self._pairs.links.values()
-            if isinstance(link, VerifiedMatch) or 0 < link.needed <= 2 * link.inliers
+            if isinstance(link, VerifiedMatch) or (link.inliers and link.needed <= 2 * link.inliers)
         ]
         self._save(
             f"{folder.LINKS}/graph.png",

@@ -19,7 +19,7 @@ _cv2: Any = cv2  # the stubs that OpenCV ships do not know its own constructors
 # ORB piles its strongest corners on a few bushes: ask for many more than are kept, and spread them.
 ORB_SURPLUS = 6
 ORB_FAST_THRESHOLD = 7
-SIFT_SURPLUS = 1.5
+SIFT_SURPLUS = 1.3
 SIFT_ENOUGH = 0.4  # of what was asked for; fewer, and weaker ones are sought too
 SIFT_CONTRASTS = (0.04, 0.008)  # OpenCV's own; and for dusk and haze, whose key points are all weak, a fifth of it
 AKAZE_THRESHOLD = 3e-4  # the default, 1e-3, leaves dark photos without key points

@@ -16,6 +16,8 @@ Booleans = NDArray[np.bool_]
 MAX_ITERATIONS = 10_000  # enough for 15 % true matches; with 2000 a third of such pairs is lost
 CONFIDENCE = 0.9999
 REFINE_STEPS = 8
+ARRIVED = 1e-9  # in coordinates of spread one: a step below this is the last
+FEWEST_INLIERS = 7  # of the robust estimate, below which making it exact is of no use
 MIN_POINTS = 4
 
 
@@ -49,8 +51,8 @@ def estimate(src: Floats, dst: Floats, *, threshold: float, seed: int) -> tuple[
     homography = normalised(np.asarray(found, np.float64), src.mean(0))
     inliers = transfer_error(homography, src, dst) <= threshold
     for _ in range(2):  # the better fit has a few more inliers; they have settled after the second round
-        if inliers.sum() < MIN_POINTS:
-            return None
+        if inliers.sum() < FEWEST_INLIERS:
+            break
         homography = refine(homography, src[inliers], dst[inliers], scale=threshold / 3)
         inliers = transfer_error(homography, src, dst) <= threshold
     return homography, inliers
@@ -95,10 +97,13 @@ def refine(homography: Floats, src: Floats, dst: Floats, *, scale: float) -> Flo
         uv = p[:, :2] / p[:, 2:]
         residual = b - uv
         weight = 1 / (1 + (residual**2).sum(1) / width**2)
-        rows = _jacobian(a, uv, p[:, 2])
-        normal = np.einsum("nki,nkj,n->ij", rows, rows, weight)
-        step = np.linalg.lstsq(normal, np.einsum("nki,nk,n->i", rows, residual, weight), rcond=None)[0]
+        root = np.sqrt(weight)[:, None]
+        rows = (_jacobian(a, uv, p[:, 2]) * root[..., None]).reshape(-1, 8)
+        normal, right = rows.T @ rows, rows.T @ (residual * root).reshape(-1)
+        step = np.linalg.lstsq(normal, right, rcond=None)[0]
         h = h + np.append(step, 0.0).reshape(3, 3)
+        if np.abs(step).max() < ARRIVED:
+            break
     refined = np.asarray(np.linalg.inv(to_dst) @ h @ to_src, np.float64)
     return normalised(refined, src.mean(0)) if np.isfinite(refined).all() else homography
 

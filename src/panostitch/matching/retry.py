@@ -40,6 +40,8 @@ def pairs_to_retry(photos: Sequence[Photo], links: Sequence[Link], groups: Group
 
 def _is_open(link: Rejection, singles: Collection[int]) -> bool:
     """Whether a closer look may help; photos that found their group show enough, so they must have come near a link."""
+    if link.inliers and not link.needed:
+        return False  # it had enough, and was refuted by the others
     return link.i in singles or link.j in singles or 2 * link.inliers >= link.needed
 
 

@@ -69,6 +69,10 @@ class ControlPoints:
         """The same points seen from the other photo."""
         return ControlPoints(self.j, self.i, self.xy_j, self.xy_i)
 
+    def joined(self, more: "ControlPoints") -> "ControlPoints":
+        """These and more of the same pair."""
+        return ControlPoints(self.i, self.j, np.vstack([self.xy_i, more.xy_i]), np.vstack([self.xy_j, more.xy_j]))
+
     def take(self, index: NDArray[np.integer] | NDArray[np.bool_]) -> "ControlPoints":
         """Those with these indices."""
         return ControlPoints(self.i, self.j, self.xy_i[index], self.xy_j[index])
