@@ -41,10 +41,10 @@ test: $(VENV)/dev ## the tests that take minutes, not hours
 test-all: $(VENV)/dev ## all tests
 	$(BIN)/python -m pytest -m ''
 
-bench: $(VENV)/dev ## error and seconds, into docs/reference; the photos of PHOTOS="FOLDER ..." or the samples
+bench: $(VENV)/dev ## error and seconds; accuracy goes into docs/reference; seconds of PHOTOS="FOLDER ..." or the samples
 	$(BIN)/python benchmarks/accuracy.py --output docs/reference/accuracy.md
 	$(BIN)/python benchmarks/bundle.py --quick
-	$(BIN)/python benchmarks/registration_time.py $(PHOTOS) --output docs/reference/registration-time.md
+	$(BIN)/python benchmarks/registration_time.py $(PHOTOS)
 
 samples: $(VENV)/dev ## photograph the samples again
 	$(BIN)/python samples/make_samples.py

@@ -67,16 +67,24 @@ def test_a_lonely_photo_is_told_its_best_partner_and_the_numbers():
 
 
 def test_a_lonely_photo_is_told_how_it_was_sought_and_how_far_the_best_pair_overlaps():
-    links = [Rejection(0, 1, "too few matches agree", putative=18, inliers=5, needed=12, overlap=0.06)]
+    links = [Rejection(0, 1, "too few matches agree", putative=28, inliers=9, needed=12, overlap=0.06)]
     attempts = [(Attempt("sift", 0.25), Attempt("akaze", 1.0, "local")), (Attempt("sift", 0.25),)]
 
     first, second = explain_left_out(photos_of(2), links, find_groups(2, links), kept=(), attempts=attempts)
 
     assert first.details == (
-        "best partner: p1.jpg, 18 matches, 5 agree (12 needed), overlap about 6%: too few matches agree",
+        "best partner: p1.jpg, 28 matches, 9 agree (12 needed), overlap about 6%: too few matches agree",
         "tried: sift at 0.25 MP, akaze at 1 MP with evened contrast",
     )
     assert second.details[1] == "tried: sift at 0.25 MP"
+
+
+def test_an_overlap_that_chance_made_up_is_not_told():
+    links = [Rejection(0, 1, "too few matches agree", putative=28, inliers=6, needed=12, overlap=0.97)]
+
+    (first, _) = explain_left_out(photos_of(2), links, find_groups(2, links), kept=())
+
+    assert "overlap" not in first.details[0]
 
 
 def test_more_matches_break_a_tie_of_inliers():

@@ -130,8 +130,9 @@ def both_halves(paths, threads):
     photos, failures = open_photos(paths)
     assert not failures
     run = Executor(threads)
-    alignment = pipeline.align(photos, quick(), run=run)
-    panorama = pipeline.render(alignment, quick(), run=run)
+    options = quick(refine="full", retries="auto")
+    alignment = pipeline.align(photos, options, run=run)
+    panorama = pipeline.render(alignment, options, run=run)
     return json.dumps(alignment.to_json()), assemble(panorama, run=run)
 
 
@@ -140,7 +141,7 @@ def in_order_by_one_thread(on_disk):
     return both_halves(on_disk, 1)
 
 
-@pytest.mark.parametrize(("order", "threads"), [((2, 0, 3, 1), 1), ((3, 2, 1, 0), 4)])
+@pytest.mark.parametrize(("order", "threads"), [((2, 0, 3, 1), 1), ((3, 2, 1, 0), 4), ((0, 1, 2, 3), 2)])
 def test_order_of_files_and_threads_change_not_one_byte(on_disk, in_order_by_one_thread, order, threads):
     first = in_order_by_one_thread
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from panostitch.matching.verify import BASE_INLIERS
 from panostitch.model.alignment import LeftOut
 from panostitch.model.features import Attempt
 from panostitch.model.match import Groups, Link, Rejection
@@ -47,7 +48,7 @@ def _single(photos: Sequence[Photo], links: Sequence[Link], n: int, attempts: Se
     best = max(refused, key=lambda link: (link.inliers, link.putative))
     partner = photos[best.j if best.i == n else best.i].name
     numbers = f"{best.putative} matches, {best.inliers} agree" + (f" ({best.needed} needed)" if best.needed else "")
-    if best.overlap:
+    if best.overlap and best.inliers > BASE_INLIERS:  # fewer agree by chance, and anywhere
         numbers += f", overlap about {best.overlap:.0%}"
     return LeftOut(
         photos[n].name,
