@@ -57,7 +57,7 @@ def test_a_choice_says_by_how_much_and_what_else_was_near():
     assert (choice.model, choice.runner_up) == ("homography", "rotation")
     assert choice.margin == pytest.approx(1.97 / 0.68, rel=0.02)
     assert choice.reason == (
-        "a flat subject explains the matches clearly better "
+        "a flat subject explains the key points clearly better "
         "(homography 0.68 px, rotation 1.97 px, affine 8.20 px, similarity 9.80 px)"
     )
 

@@ -118,20 +118,22 @@ def choose(candidates: Sequence[Candidate], *, pixel_size: float) -> Choice:
     if not flat:
         if turning is None:
             raise ValueError("no candidates")
-        return Choice("rotation", f"views from one point explain the matches to {turning.error:.2f} px")
+        return Choice("rotation", f"views from one point explain the key points to {turning.error:.2f} px")
     least = min(noise[c.model] for c in flat)
     plainest = next(c for c in flat if noise[c.model] <= NEARLY_AS_GOOD * least)
     if turning is None:
-        return _choice(plainest, flat, noise, "a flat subject explains the matches")
+        return _choice(plainest, flat, noise, "a flat subject explains the key points")
     limit = noise["rotation"]
     if limit > NOTICEABLE * pixel_size and limit > CLEARLY_BETTER * least:
-        return _choice(plainest, candidates, noise, "a flat subject explains the matches clearly better")
+        return _choice(plainest, candidates, noise, "a flat subject explains the key points clearly better")
     sliding = [c for c in flat if c.model != "homography" and noise[c.model] <= SLIDES * limit]
     if sliding:
         slid = plainest.model != "homography"
-        why = "the photos slide over each other without perspective" if slid else "a flat subject explains the matches"
+        why = (
+            "the photos slide over each other without perspective" if slid else "a flat subject explains the key points"
+        )
         return _choice(plainest, candidates, noise, why)
-    return _choice(turning, candidates, noise, "views from one point explain the matches")
+    return _choice(turning, candidates, noise, "views from one point explain the key points")
 
 
 def _choice(taken: Candidate, candidates: Sequence[Candidate], noise: dict[Model, float], why: str) -> Choice:
