@@ -1,12 +1,12 @@
 """Stage 3: verified matches to cameras."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from panostitch.alignment.bundle import standard_errors
-from panostitch.alignment.distances import distances
 from panostitch.alignment.fit import (
     Fit,
     noise_scale,
@@ -22,7 +22,6 @@ from panostitch.alignment.residuals import thinned
 from panostitch.alignment.straighten import straighten
 from panostitch.errors import AlignmentError
 from panostitch.model.alignment import Alignment, LeftOut, LinkSummary, Model, PairTried, Uncertainty
-from panostitch.model.camera import Camera
 from panostitch.model.match import ControlPoints, VerifiedMatch
 from panostitch.model.photo import Photo
 from panostitch.options import AlignmentOptions
@@ -64,30 +63,43 @@ def align_group(
     fit = refitted(rough, photos, used)
     used, held = pruned(fit, used, used), pruned(fit, held, used)
     fit = settled_again(fit, photos, used)
-    cameras = fit.cameras
-    if options.straighten == "auto" and fit.model == "rotation":
-        cameras = straighten(cameras)
-    points = _together(used, held)
-    errors, judged = fit.errors(points), fit.errors(held) if held else None
+    solved = replace(fit, cameras=straighten(fit.cameras)) if _is_to_level(fit, options) else fit
     kept = {(link.i, link.j) for link in fit.links}
-    alignment = Alignment(
-        fit.model,
-        tuple(photos),
-        cameras,
-        links=tuple(_summary(cameras, pair) for pair in points),
+    given_up = [thinned(link) for link in links if (link.i, link.j) not in kept]
+    alignment = replace(
+        _described(solved, photos, used, held),
         left_out=tuple(left_out),
-        rms=_rms(errors),
-        p95=_p95(errors),
         reason=choice.reason,
-        dropped=tuple(_summary(cameras, thinned(link)) for link in links if (link.i, link.j) not in kept),
-        control_points=tuple(points),
-        held_back_rms=None if judged is None else _rms(judged),
-        held_back_p95=None if judged is None else _p95(judged),
-        uncertainties=_uncertainties(fit, used),
+        dropped=tuple(_summary(solved, pair) for pair in given_up),
         pairs=tuple(pairs),
     )
     trace("alignment.solved", alignment=alignment, residuals={"rms": alignment.rms, "p95": alignment.p95})
     return alignment
+
+
+def _is_to_level(fit: Fit, options: AlignmentOptions) -> bool:
+    return options.straighten == "auto" and fit.model == "rotation"
+
+
+def _described(
+    fit: Fit, photos: Sequence[Photo], used: Sequence[ControlPoints], held: Sequence[ControlPoints]
+) -> Alignment:
+    """The cameras with what their control points say of them."""
+    points = _together(used, held)
+    errors, judged = fit.errors(points), fit.errors(held) if held else None
+    return Alignment(
+        fit.model,
+        tuple(photos),
+        fit.cameras,
+        links=tuple(_summary(fit, pair) for pair in points),
+        left_out=(),
+        rms=_rms(errors),
+        p95=_p95(errors),
+        control_points=tuple(points),
+        held_back_rms=None if judged is None else _rms(judged),
+        held_back_p95=None if judged is None else _p95(judged),
+        uncertainties=_uncertainties(fit, used),
+    )
 
 
 def _rough(
@@ -175,8 +187,8 @@ def _failure(photos: Sequence[Photo], rms: float, pixel_size: float) -> Alignmen
     )
 
 
-def _summary(cameras: Sequence[Camera], points: ControlPoints) -> LinkSummary:
-    return LinkSummary(points.i, points.j, len(points), _rms(distances(cameras, [points])[0]))
+def _summary(fit: Fit, points: ControlPoints) -> LinkSummary:
+    return LinkSummary(points.i, points.j, len(points), _rms(fit.errors([points])))
 
 
 def _rms(errors: Floats) -> float:
