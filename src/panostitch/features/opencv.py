@@ -20,6 +20,7 @@ _cv2: Any = cv2  # the stubs that OpenCV ships do not know its own constructors
 ORB_SURPLUS = 6
 ORB_FAST_THRESHOLD = 7
 SIFT_SURPLUS = 1.3
+FEWEST_TO_SPREAD = 300  # key points to choose from, however few are kept
 SIFT_ENOUGH = 0.4  # of what was asked for; fewer, and weaker ones are sought too
 SIFT_CONTRASTS = (0.04, 0.008)  # OpenCV's own; and for dusk and haze, whose key points are all weak, a fifth of it
 AKAZE_THRESHOLD = 3e-4  # the default, 1e-3, leaves dark photos without key points
@@ -33,7 +34,9 @@ def sift(grey: Grey, count: int) -> Described:
         if len(points) < count * SIFT_ENOUGH:
             # without the precise upscale every key point lies 0.25 px too far right and down
             detector = _cv2.SIFT_create(
-                nfeatures=int(SIFT_SURPLUS * count), contrastThreshold=contrast, enable_precise_upscale=True
+                nfeatures=max(int(SIFT_SURPLUS * count), FEWEST_TO_SPREAD),
+                contrastThreshold=contrast,
+                enable_precise_upscale=True,
             )
             points, descriptors = _run(detector, grey)
     if descriptors is None:
