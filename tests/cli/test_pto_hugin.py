@@ -39,6 +39,8 @@ LENS = 0.02
 SHIFT = 0.03
 # share: nona's response curve is our power law but for two grey levels; 0.004 seen
 GAIN = 0.01
+# share: the same for parts of photos whose channels are changed by up to a fifth; 0.012 seen
+LIGHT = 0.02
 # degrees: by which Hugin's optimiser moves true cameras; 0.00016 seen
 STILL = 0.002
 
@@ -185,7 +187,7 @@ def test_nona_undoes_the_light_that_we_undo(truth, tmp_path):
         for channel in range(3):
             for part in (inside & (square < 0.25), inside & (square > 0.5)):
                 gain = theirs[part, channel].mean() / exposed[part, channel].mean()
-                assert abs(gain - 1) < GAIN
+                assert abs(gain - 1) < LIGHT
 
 
 def difference(ours, theirs, inside):

@@ -18,13 +18,12 @@ Floats = NDArray[np.float64]
 
 RATIO_SPREAD = 0.03  # of the log ratio of two photos in their overlap: how far it is trusted
 GAIN_SPREAD = 0.3  # of the log gains: wide enough for real steps; a slow drift of the light over many photos stays
-# Of the log gains: 1.9 stops of linear light either way. A camera that set itself for the shade and for the sun is not
-# brought to one exposure, under which one of them would be black or white.
-MOST = 0.6
+# Between the smallest and the largest log gain: four stops of linear light. A camera that set itself for the shade and
+# for the sun is not brought to one exposure, under which one of them would be black or white.
+MOST = 1.25
 COLOUR_SPREAD = 0.1  # of the log gains of a channel beside the mean of the three
 FALL_OFF_SPREAD = 0.5  # of the coefficients of the fall-off
 DARKEST = 2 * np.log(2) / 2.2  # at most this much is taken for fall-off: two stops in the corners
-TIGHTER = 0.9  # times the spread of the gains, where they are too large
 STEPS = 12
 CAUCHY = 2.385  # standard deviations: 95 % of the efficiency of least squares on normal errors
 MAD = 1.4826  # from the median of absolute normal errors to their standard deviation
@@ -57,7 +56,7 @@ def fit(overlaps: Overlaps, lenses: Sequence[int], *, fall_off: bool) -> Fit:
         errors = without_offsets(overlaps, overlaps.logs + (falls @ fitted.fall_off.ravel())[:, None])
         if np.abs(fitted.logs - before.logs).max(initial=0.0) < LEAST_SCALE:
             break
-    fitted = _tempered(overlaps, len(lenses), falls, fitted)
+    fitted = _tempered(fitted)
     return fitted if fall_off else Fit(fitted.logs, np.zeros((max(lenses) + 1, TERMS)), fitted.weights)
 
 
@@ -102,29 +101,27 @@ def _solve(overlaps: Overlaps, count: int, falls: Floats, weights: Floats) -> Fi
         square = falls.T @ weighted - cross.T @ solver @ cross + np.eye(falls.shape[1]) / FALL_OFF_SPREAD**2
         pull = cross.T @ solver @ _into_photos(overlaps, count, (mean * weight)[:, None])[:, 0] - weighted.T @ mean
         coefficients = _not_negative(square, pull)
-    logs = _gains(overlaps, count, falls @ coefficients, weights, GAIN_SPREAD)
+    logs = _gains(overlaps, count, falls @ coefficients, weights)
     return Fit(logs, coefficients.reshape(-1, TERMS), weights)
 
 
-def _gains(overlaps: Overlaps, count: int, undone: Floats, weights: Floats, spread: float) -> Floats:
-    """Log gains (n, 3) of this spread where undoing the fall-off adds `undone` (m,) to the log ratios."""
+def _gains(overlaps: Overlaps, count: int, undone: Floats, weights: Floats) -> Floats:
+    """Log gains (n, 3) where undoing the fall-off adds `undone` (m,) to the log ratios."""
     weight = weights * overlaps.share / RATIO_SPREAD**2
     graph = _graph(overlaps, count, weight)
     right = _into_photos(overlaps, count, (overlaps.logs + undone[:, None]) * weight[:, None])
     mean = right.mean(1)
     # the sign: a photo that is brighter than its neighbours gets a gain below one
-    brightness = -np.linalg.solve(graph + np.eye(count) / spread**2, mean)
+    brightness = -np.linalg.solve(graph + np.eye(count) / GAIN_SPREAD**2, mean)
     colour = -np.linalg.solve(graph + np.eye(count) / COLOUR_SPREAD**2, right - mean[:, None])
     return np.asarray(brightness[:, None] + colour)
 
 
-def _tempered(overlaps: Overlaps, count: int, falls: Floats, fitted: Fit) -> Fit:
-    """The fit with gains that are wished nearer to 1, by as much as is needed for none to be beyond `MOST`."""
-    logs, spread, undone = fitted.logs, GAIN_SPREAD, falls @ fitted.fall_off.ravel()
-    while np.abs(logs.mean(1)).max() > MOST:
-        spread *= TIGHTER
-        logs = _gains(overlaps, count, undone, fitted.weights, spread)
-    return Fit(logs, fitted.fall_off, fitted.weights)
+def _tempered(fitted: Fit) -> Fit:
+    """The fit with gains that leave the same share of every step, so much that none are farther apart than `MOST`."""
+    mean = fitted.mean_logs[:, None]
+    kept = min(1.0, MOST / max(float(np.ptp(mean)), 1e-12))
+    return Fit(fitted.logs - mean * (1 - kept), fitted.fall_off, fitted.weights)
 
 
 def _graph(overlaps: Overlaps, count: int, weight: Floats) -> Floats:

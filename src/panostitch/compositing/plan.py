@@ -11,7 +11,7 @@ from panostitch.compositing.blend import BLENDERS
 from panostitch.compositing.blend.pieces import Piece, fill, hard_composite
 from panostitch.compositing.crop import choose_crop
 from panostitch.compositing.exposure import EXPOSURE
-from panostitch.compositing.light import FARTHEST, expose
+from panostitch.compositing.light import expose, with_fall_off
 from panostitch.compositing.overlaps import Squares
 from panostitch.compositing.seams import SEAMS, extend
 from panostitch.compositing.warp import coordinates, footprints, read_for, warp
@@ -103,12 +103,11 @@ def _squares(alignment: Alignment, small: Canvas, photo: int, region: Region) ->
 
 
 def _exposed(photo: int, layer: Layer, light: Light, squares: Squares) -> Layer:
-    brighter = None
+    factor = np.asarray(light.gains[photo], np.float32)
     if light.has_fall_off(photo):
-        # not `light.brightening`'s coarse grid: on the reduced canvas a photo may be no larger than a few blocks
-        square = np.minimum(squares(photo, layer.region), FARTHEST)
-        brighter = np.asarray(light.brightening(photo, square), np.float32)
-    return Layer(layer.region, expose(layer.pixels, light.gains[photo], brighter), layer.mask)
+        # not the coarse grid of `light.factors`: on the reduced canvas a photo may be no larger than a few blocks
+        factor = with_fall_off(light, photo, squares(photo, layer.region))
+    return Layer(layer.region, expose(layer.pixels, factor), layer.mask)
 
 
 def _piece(photo: int, layer: Layer, labels: NDArray[np.int16], whole: Region) -> Piece:
