@@ -121,7 +121,11 @@ class LayoutOptions:
 class CompositingOptions:
     """Stage 4b: from cameras to pixels."""
 
-    exposure: Literal["gain", "none"] = option("gain", "Equal brightness where photos overlap.")
+    exposure: Literal["auto", "gain", "channels", "none"] = option(
+        "auto",
+        "Equal brightness where photos overlap: one gain for each photo (gain), one for each colour channel against "
+        "steps of the white balance (channels), or what pays (auto). Fall-off of the lens is undone where it shows.",
+    )
     seams: Literal["graphcut", "voronoi"] = option(
         "graphcut", "Where one photo ends and the next begins: where they agree, or half-way."
     )

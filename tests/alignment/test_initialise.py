@@ -11,11 +11,11 @@ from panostitch.alignment.initialise import (
     focal_candidates,
     holds_together,
     initial_cameras,
-    lens_groups,
     spanning_tree,
 )
 from panostitch.geometry import rotation
 from panostitch.model.match import VerifiedMatch
+from panostitch.model.photo import lens_groups
 from panostitch.synthetic.scene import rig
 
 SIZE, FOCAL = (800, 600), 760.0

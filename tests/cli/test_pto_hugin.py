@@ -12,12 +12,13 @@ from PIL import Image
 
 from panostitch import pipeline
 from panostitch.compositing import lay_out
-from panostitch.compositing.warp import read_for, warp
+from panostitch.compositing.warp import coordinates, read_for, warp
 from panostitch.geometry import rotation
 from panostitch.io.pto import read_pto, write_pto
 from panostitch.io.readers import open_photo
 from panostitch.model.alignment import Alignment
 from panostitch.model.camera import Camera
+from panostitch.model.light import Light, radius_square
 from panostitch.model.match import ControlPoints
 from panostitch.options import LayoutOptions, Options
 from panostitch.synthetic.render import photograph
@@ -38,6 +39,8 @@ LENS = 0.02
 SHIFT = 0.03
 # share: nona's response curve is our power law but for two grey levels; 0.004 seen
 GAIN = 0.01
+# share: the same for parts of photos whose channels are changed by up to a fifth; 0.012 seen
+LIGHT = 0.02
 # degrees: by which Hugin's optimiser moves true cameras; 0.00016 seen
 STILL = 0.002
 
@@ -139,14 +142,14 @@ def test_nona_renders_what_we_render(truth, tmp_path, projection):
     panorama = pipeline.render(truth, Options.of(projection=projection, crop="full"))
     canvas, plan = panorama.canvas, panorama.plan
     path = tmp_path / "x.pto"
-    write_pto(truth, str(path), canvas, crop=plan.crop, gains=plan.gains)
+    write_pto(truth, str(path), canvas, crop=plan.crop, light=plan.light)
     # layers as large as the panorama, for comparison
     path.write_text(path.read_text().replace(" r:CROP", ""))
 
     code, _ = run("nona", "-m", "TIFF_m", "-o", tmp_path / "layer", path)
 
     assert code == 0
-    assert np.ptp(np.log2(plan.gains)) > 0.2
+    assert np.ptp(np.log2(plan.light.brightness)) > 0.2
     for n, (photo, camera) in enumerate(zip(truth.photos, truth.cameras, strict=True)):
         with Image.open(tmp_path / f"layer{n:04d}.tif") as image:
             theirs = np.asarray(image, np.float64)
@@ -154,9 +157,37 @@ def test_nona_renders_what_we_render(truth, tmp_path, projection):
         ours = warp(*read_for(photo, camera, canvas), canvas, plan.crop, interpolation=cv2.INTER_CUBIC)
         inside = cv2.erode((ours.mask & (theirs[..., 3] > 0)).astype(np.uint8), np.ones((9, 9))).astype(bool)
         assert inside.sum() > 10_000
-        right, down, gain = difference(ours.pixels.mean(2) * plan.gains[n], theirs[..., :3].mean(2), inside)
+        exposed = ours.pixels.mean(2) * plan.light.brightness[n]
+        right, down, gain = difference(exposed, theirs[..., :3].mean(2), inside)
         assert np.hypot(right, down) < SHIFT
         assert abs(gain - 1) < GAIN
+
+
+def test_nona_undoes_the_light_that_we_undo(truth, tmp_path):
+    gains = np.array([[1.1, 1.0, 0.95], [0.9, 1.05, 1.0], [1.0, 0.9, 1.1], [1.0, 1.0, 1.0]])
+    light = Light(gains, np.tile([0.3, 0.05, 0.1], (4, 1)))
+    canvas = lay_out(truth, LayoutOptions(projection="cylindrical"))
+    path = tmp_path / "x.pto"
+    write_pto(truth, str(path), canvas, light=light)
+    path.write_text(path.read_text().replace(" r:CROP", ""))
+
+    code, _ = run("nona", "-m", "TIFF_m", "-o", tmp_path / "layer", path)
+
+    assert code == 0
+    for n, (photo, camera) in enumerate(zip(truth.photos, truth.cameras, strict=True)):
+        with Image.open(tmp_path / f"layer{n:04d}.tif") as image:
+            theirs = np.asarray(image, np.float64)
+        ours = warp(*read_for(photo, camera, canvas), canvas, canvas.region, interpolation=cv2.INTER_CUBIC)
+        x, y, _ = coordinates(camera, canvas, canvas.region)
+        square = radius_square(np.stack([x, y], axis=-1), camera.size)
+        exposed = ours.pixels * light.gains[n] * light.brightening(n, np.minimum(square, 1))[..., None]
+        inside = ours.mask & (theirs[..., 3] > 0) & (exposed.max(2) < 240)
+        inside = cv2.erode(inside.astype(np.uint8), np.ones((9, 9))).astype(bool)
+        assert inside.sum() > 10_000
+        for channel in range(3):
+            for part in (inside & (square < 0.25), inside & (square > 0.5)):
+                gain = theirs[part, channel].mean() / exposed[part, channel].mean()
+                assert abs(gain - 1) < LIGHT
 
 
 def difference(ours, theirs, inside):

@@ -170,7 +170,7 @@ def test_a_picture_in_pieces_comes_back(views, monkeypatch, factor):
 
     assert layer.mask.all()
     np.testing.assert_allclose(layer.pixels, picture, atol=IDENTITY)
-    np.testing.assert_allclose(panorama.plan.gains, 1, atol=1e-3)
+    np.testing.assert_allclose(panorama.plan.light.gains, 1, atol=1e-3)
 
 
 def test_the_rendered_plane_is_cv2_s_warp_of_the_photo(views):
@@ -217,10 +217,10 @@ def brightness_steps(gains):
 
 
 def test_planted_exposure_steps_shrink(row):
-    gains = panorama_of(row).plan.gains
+    gains = panorama_of(row).plan.light.brightness
 
     assert brightness_steps(gains) < LEFT * brightness_steps(np.ones(3))
-    assert panorama_of(row, compositing=CompositingOptions(exposure="none")).plan.gains.tolist() == [1, 1, 1]
+    assert panorama_of(row, compositing=CompositingOptions(exposure="none")).plan.light.brightness.tolist() == [1, 1, 1]
 
 
 @pytest.mark.parametrize("factor", [1, 4])

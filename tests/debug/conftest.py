@@ -12,6 +12,7 @@ from panostitch.model.alignment import Alignment, LeftOut, LinkSummary
 from panostitch.model.camera import Camera
 from panostitch.model.canvas import Canvas, Layer, Region
 from panostitch.model.features import Features
+from panostitch.model.light import Light
 from panostitch.model.match import Groups, PutativeMatch, Rejection, VerifiedMatch
 from panostitch.model.photo import Photo
 
@@ -96,7 +97,13 @@ class Run:
             piece = picture[:50, :50]
             layers = [Layer(Region(-5, 0, piece.shape[1], len(piece)), piece, np.ones(piece.shape[:2], np.bool_))]
             trace("compositing.warped", index=index, photo=photo, layers=layers, canvas=self.canvas)
-        trace("compositing.exposed", photos=photos, gains=np.array([0.9, np.nan]), before=picture, after=picture)
+        trace(
+            "compositing.exposed",
+            photos=photos,
+            light=Light(np.array([[0.9] * 3, [np.nan] * 3]), np.zeros((2, 3)), "as asked"),
+            before=picture,
+            after=picture,
+        )
         trace("compositing.seamed", labels=labels, picture=picture, names=[photo.name for photo in photos])
         trace("compositing.band", level=0, levels=2, pixels=picture - 100, lowpass=False)
         trace("compositing.band", level=1, levels=2, pixels=picture[::8, ::8], lowpass=True)

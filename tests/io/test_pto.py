@@ -17,6 +17,7 @@ from panostitch.io.readers import open_photo
 from panostitch.model.alignment import Alignment
 from panostitch.model.camera import Camera
 from panostitch.model.canvas import Region
+from panostitch.model.light import Light
 from panostitch.model.match import ControlPoints
 from panostitch.options import LayoutOptions
 from tolerances import PIXEL
@@ -148,10 +149,10 @@ class Panotools:
         return np.arctan2(x, -z), np.arcsin(y / np.sqrt(x * x + y * y + z * z))
 
 
-def written(alignment, crop=None, gains=None, **layout):
+def written(alignment, crop=None, light=None, **layout):
     """Write x.pto; the canvas and what was said of it."""
     canvas = lay_out(alignment, LayoutOptions(**layout))
-    return canvas, write_pto(alignment, "x.pto", canvas, crop=crop, gains=gains)
+    return canvas, write_pto(alignment, "x.pto", canvas, crop=crop, light=light)
 
 
 def farthest(alignment, canvas, region=None, frames=None):
@@ -251,7 +252,8 @@ def test_photos_of_one_lens_are_linked():
 def test_gains_are_exposure_values():
     alignment = alignment_of(turning())
     # a photo that is twice too dark in linear light, which Hugin says with a higher exposure value
-    written(alignment, gains=np.array([2 ** (1 / 2.2), 1.0, 2 ** (-1 / 2.2), 1.0]))
+    gains = np.array([2 ** (1 / 2.2), 1.0, 2 ** (-1 / 2.2), 1.0])
+    written(alignment, light=Light(np.repeat(gains[:, None], 3, axis=1), np.zeros((4, 3))))
 
     assert [image["Eev"] for image in Panotools("x.pto").images] == pytest.approx([1, 0, -1, 0], abs=1e-9)
 

@@ -14,6 +14,7 @@ from PIL import Image
 from panostitch.errors import LimitError, OutputError
 from panostitch.io import writers
 from panostitch.model.canvas import Canvas, Layer, Region
+from panostitch.model.light import unchanged
 from panostitch.model.panorama import Panorama, Plan
 from panostitch.options import OutputOptions
 from panostitch.runtime.executor import Executor
@@ -211,7 +212,7 @@ def coordinates(region):
 
 @pytest.fixture
 def panorama():
-    plan = Plan(np.ones(2), 1, np.zeros((1, 1), np.int16), (), CROP, "as asked")
+    plan = Plan(unchanged(2), 1, np.zeros((1, 1), np.int16), (), CROP, "as asked")
     return Panorama(Canvas("cylindrical", 100.0, (0.0, 0.0), (320, 240)), plan, coordinates)
 
 

@@ -214,7 +214,7 @@ def gains_left(known):
     photos = photograph_plan(known.scene, known.cameras, exposures=STEPS, supersample=1)
     options = Options()
     alignment = truth_of(replace(known, photos=photos))
-    gains = make_plan(alignment, lay_out(alignment, options.layout), options.compositing, "none").gains
+    gains = make_plan(alignment, lay_out(alignment, options.layout), options.compositing, "none").light.brightness
     return np.ptp(np.log(gains * ENCODED)) / np.ptp(np.log(ENCODED))
 
 
@@ -224,7 +224,7 @@ def test_planted_exposure_is_evened_out(small):
 
 GAIN_DAMAGES = {
     "inverted": lambda gains: 1 / gains,
-    "of the photo before": lambda gains: np.roll(gains, 1),
+    "of the photo before": lambda gains: np.roll(gains, 1, axis=0),
     "in linear light": lambda gains: gains**2.2,
     "forgotten": np.ones_like,
 }
@@ -232,8 +232,13 @@ GAIN_DAMAGES = {
 
 @pytest.mark.parametrize("damage", GAIN_DAMAGES)
 def test_damaged_gains(small, monkeypatch, damage):
-    healthy = exposure.EXPOSURE["gain"]
-    monkeypatch.setitem(exposure.EXPOSURE, "gain", lambda count, pieces: GAIN_DAMAGES[damage](healthy(count, pieces)))
+    healthy = exposure.EXPOSURE["auto"]
+
+    def damaged(*observed):
+        light = healthy(*observed)
+        return replace(light, gains=GAIN_DAMAGES[damage](light.gains))
+
+    monkeypatch.setitem(exposure.EXPOSURE, "auto", damaged)
 
     assert gains_left(small) > GAINS_LEFT
 

@@ -171,7 +171,7 @@ def test_a_photo_twice(small):
     result = aligned(known)
 
     assert within(known, result, SMALL_PX), result[1]
-    assert len(pipeline.render(result[0], Options()).plan.gains) == 5
+    assert len(pipeline.render(result[0], Options()).plan.light.gains) == 5
 
 
 def test_the_same_photo_and_nothing_else(small):

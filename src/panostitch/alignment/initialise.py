@@ -29,13 +29,6 @@ class SpanningTree:
     edges: tuple[tuple[int, int, VerifiedMatch], ...]
 
 
-def lens_groups(photos: Sequence[Photo]) -> list[int]:
-    """For each photo the number of its lens: photos with the same metadata and size (either way up) share one."""
-    keys = [(photo.lens, *sorted(photo.size)) for photo in photos]
-    numbers = {key: number for number, key in enumerate(dict.fromkeys(keys))}
-    return [numbers[key] for key in keys]
-
-
 def focal_candidates(photos: Sequence[Photo], links: Sequence[VerifiedMatch]) -> list[list[float]]:
     """Sets of focal lengths (px, one for each photo) to start from, the likeliest first."""
     long_sides = [float(max(photo.size)) for photo in photos]

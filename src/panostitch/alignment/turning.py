@@ -7,12 +7,12 @@ import numpy as np
 
 from panostitch.alignment.bundle import Freedom, Solution, adjust
 from panostitch.alignment.distances import distances
-from panostitch.alignment.initialise import focal_candidates, initial_cameras, lens_groups, spanning_tree, zoomed_focals
+from panostitch.alignment.initialise import focal_candidates, initial_cameras, spanning_tree, zoomed_focals
 from panostitch.alignment.residuals import thinned
 from panostitch.geometry import lens
 from panostitch.model.camera import Camera
 from panostitch.model.match import ControlPoints, VerifiedMatch
-from panostitch.model.photo import Photo
+from panostitch.model.photo import Photo, lens_groups
 
 MATCHES_TO_START = 40  # of each link: enough to tell a good start from a bad one
 START_STEPS = 15

@@ -100,9 +100,10 @@ def _say_left_out(photo: LeftOut) -> None:
 
 
 def say_panorama(panorama: Panorama, path: str) -> None:
-    """What was written, in a line."""
+    """What was written, and what became of the light, a line each."""
     crop = panorama.plan.crop
     say(f"{path}: {crop.width} x {crop.height} px, {panorama.canvas.projection}; {panorama.plan.crop_reason}")
+    say(f"exposure: {panorama.plan.light.reason}")
 
 
 def say_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -122,13 +123,16 @@ def result(alignment: Alignment, panorama: Panorama | None = None, path: str = "
     """The result of a run for `--json`."""
     data = alignment.to_json()
     if panorama:
-        crop = panorama.plan.crop
+        crop, light = panorama.plan.crop, panorama.plan.light
         data["panorama"] = {
             "path": path,
             "size": [crop.width, crop.height],
             "projection": panorama.canvas.projection,
             "crop": panorama.plan.crop_reason,
-            "gains": panorama.plan.gains.tolist(),
+            "gains": light.brightness.tolist(),
+            "channel_gains": light.gains.tolist(),
+            "fall_off": light.fall_off.tolist(),
+            "exposure": light.reason,
         }
     data["inclusion"] = _inclusion(alignment)
     data["exit_code"] = exit_code(alignment)

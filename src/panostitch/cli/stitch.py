@@ -41,7 +41,7 @@ def command(photos: tuple[str, ...], output: str, save_project: str | None, pto:
         panorama = pipeline.render(alignment, options, run=run, trace=trace)
         if pto:
             seen, plan = look(alignment, options.layout), panorama.plan
-            exactness = hugin.write_pto(seen, pto, panorama.canvas, crop=plan.crop, gains=plan.gains)
+            exactness = hugin.write_pto(seen, pto, panorama.canvas, crop=plan.crop, light=plan.light)
         writers.write_panorama(panorama, output, options.output, run=run, trace=trace)
     if not given["quiet"]:
         report.say_panorama(panorama, output)

@@ -1,4 +1,4 @@
-"""A region of the panorama at full size: warp, gain, seams, fine bands over what the low bands change."""
+"""A region of the panorama at full size: warp, light, seams, fine bands over what the low bands change."""
 
 from functools import partial
 from typing import TypeVar
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from panostitch.compositing.blend import BLENDERS
 from panostitch.compositing.blend.pieces import Floats, Piece, hard_composite
-from panostitch.compositing.exposure import expose
+from panostitch.compositing.light import expose, factors
 from panostitch.compositing.warp import Decoded, read_for, warp
 from panostitch.model.alignment import Alignment
 from panostitch.model.canvas import Canvas, Layer, Region
@@ -46,7 +46,8 @@ def _pieces(alignment: Alignment, canvas: Canvas, plan: Plan, decoded: Decoded, 
         photo, camera = alignment.photos[n], alignment.cameras[n]
         raster, camera = decoded.get(n, partial(read_for, photo, camera, canvas))
         layer = warp(raster, camera, canvas, tile, interpolation=cv2.INTER_CUBIC)
-        layers.append((expose(layer.pixels, float(plan.gains[n])), layer.mask))
+        factor = factors(plan.light, n, camera, canvas, tile)
+        layers.append((expose(layer.pixels, factor), layer.mask))
     owner = _owners(labels, photos, [mask for _, mask in layers], plan.factor)
     whole = (slice(0, tile.height), slice(0, tile.width))
     return [

@@ -1,4 +1,4 @@
-"""All that needs the whole picture at once, on a reduced canvas: gains, seams, low bands of the blend, crop."""
+"""All that needs the whole picture at once, on a reduced canvas: light, seams, low bands of the blend, crop."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -10,13 +10,17 @@ from numpy.typing import NDArray
 from panostitch.compositing.blend import BLENDERS
 from panostitch.compositing.blend.pieces import Piece, fill, hard_composite
 from panostitch.compositing.crop import choose_crop
-from panostitch.compositing.exposure import EXPOSURE, expose
+from panostitch.compositing.exposure import EXPOSURE
+from panostitch.compositing.light import expose, with_fall_off
+from panostitch.compositing.overlaps import Squares
 from panostitch.compositing.seams import SEAMS, extend
-from panostitch.compositing.warp import footprints, read_for, warp
+from panostitch.compositing.warp import coordinates, footprints, read_for, warp
 from panostitch.errors import AlignmentError
 from panostitch.model.alignment import Alignment
 from panostitch.model.canvas import Canvas, Layer, Region
+from panostitch.model.light import Light, radius_square
 from panostitch.model.panorama import NOBODY, Plan
+from panostitch.model.photo import lens_groups
 from panostitch.options import CompositingOptions
 from panostitch.runtime.executor import Executor, serial
 from panostitch.runtime.trace import Trace, silent
@@ -52,8 +56,9 @@ def make_plan(
     if not pieces:
         raise AlignmentError("no photo falls on the canvas", hint="try another --projection")
     count = len(alignment.photos)
-    factors = EXPOSURE[options.exposure](count, pieces)
-    exposed = [(n, _exposed(layer, factors[n])) for n, layer in pieces]
+    squares = partial(_squares, alignment, small)
+    light = EXPOSURE[options.exposure](lens_groups(alignment.photos), pieces, squares)
+    exposed = [(n, _exposed(n, layer, light, squares)) for n, layer in pieces]
     labels = SEAMS[options.seams](small, exposed)
     covered = labels != NOBODY
     extended = extend(labels)
@@ -64,12 +69,12 @@ def make_plan(
     kept, reason = choose_crop(covered, crop)
     if trace is not silent:  # pictures that nobody else needs
         unexposed, _ = hard_composite([_piece(n, layer, extended, small.region) for n, layer in pieces], covered.shape)
-        trace("compositing.exposed", photos=alignment.photos, gains=factors, before=unexposed, after=composite)
+        trace("compositing.exposed", photos=alignment.photos, light=light, before=unexposed, after=composite)
         trace("compositing.seamed", labels=labels, picture=composite, names=[p.name for p in alignment.photos])
         _trace_bands(picture, trace)
     trace("compositing.cropped", picture=picture, coverage=covered, crop=kept, reason=reason)
     changes = _changes(count, exposed, blended, small)
-    return Plan(factors, factor, extended, changes, kept.times(factor) & canvas.region, reason)
+    return Plan(light, factor, extended, changes, kept.times(factor) & canvas.region, reason)
 
 
 def _warp_all(
@@ -90,7 +95,18 @@ def _warp_one(alignment: Alignment, small: Canvas, places: Sequence[tuple[Region
     return [warp(raster, camera, small, region, interpolation=cv2.INTER_LINEAR) for region in places[n]]
 
 
-def _exposed(layer: Layer, factor: float) -> Layer:
+def _squares(alignment: Alignment, small: Canvas, photo: int, region: Region) -> NDArray[np.float64]:
+    """Squares (h, w) of the radii at which a photo sees a region of the reduced canvas; 1 in the photo's corners."""
+    camera = alignment.cameras[photo]
+    x, y, _ = coordinates(camera, small, region)
+    return radius_square(np.stack([x, y], axis=-1).astype(np.float64), camera.size)
+
+
+def _exposed(photo: int, layer: Layer, light: Light, squares: Squares) -> Layer:
+    factor = np.asarray(light.gains[photo], np.float32)
+    if light.has_fall_off(photo):
+        # not the coarse grid of `light.factors`: on the reduced canvas a photo may be no larger than a few blocks
+        factor = with_fall_off(light, photo, squares(photo, layer.region))
     return Layer(layer.region, expose(layer.pixels, factor), layer.mask)
 
 

@@ -1,6 +1,7 @@
 """A photo on the canvas: exact coordinates on a coarse grid, enlarged, then one sampling."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -64,23 +65,45 @@ def coordinates(
     camera: Camera, canvas: Canvas, region: Region
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
     """Where (x, y, each (h, w) px of the photo) each canvas pixel is seen, and where that is known."""
-    # Nodes are the centres of the canvas's 16 px blocks, one block beyond the region on each side: resize then needs
-    # no extrapolation, its rule for pixel centres is ours, and the answer is the same for every region.
+    grid = blocks(camera, canvas, region)
+    seen = np.where(grid.known[..., None], grid.seen, -1e4)
+    x, y = (grid.enlarged(np.asarray(seen[:, :, k], np.float32)) for k in (0, 1))
+    if grid.known.all():
+        return x, y, np.ones(x.shape, bool)
+    return x, y, np.asarray(grid.enlarged(np.asarray(grid.known, np.float32)) > 0.999)
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """The coarse grid over a region: its nodes are the centres of the canvas's 16 px blocks.
+
+    One block lies beyond the region on each side: resize then needs no extrapolation, its rule for pixel centres is
+    ours, and the answer is the same for every region.
+
+    region: what was asked for
+    outer:  what the blocks cover
+    seen:   (h, w, 2) px of the photo
+    known:  (h, w) where they are finite
+    """
+
+    region: Region
+    outer: Region
+    seen: Floats
+    known: NDArray[np.bool_]
+
+    def enlarged(self, nodes: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Values at the nodes (h, w) as values of the region's pixels, bilinear."""
+        large = cv2.resize(nodes, (self.outer.width, self.outer.height))
+        return np.ascontiguousarray(large[self.region.within(self.outer)], np.float32)
+
+
+def blocks(camera: Camera, canvas: Canvas, region: Region) -> Blocks:
+    """Exact coordinates of a photo at the nodes over a region of the canvas."""
     outer = region.grown(STEP, multiple=STEP)
     columns = np.arange(outer.x, outer.right, STEP) + (STEP - 1) / 2
     rows = np.arange(outer.y, outer.bottom, STEP) + (STEP - 1) / 2
-    nodes = _project_grid(camera, canvas, np.asarray(columns, np.float64), np.asarray(rows, np.float64))
-    known = np.isfinite(nodes).all(2)
-    nodes[~known] = -1e4
-    size, inner = (outer.width, outer.height), region.within(outer)
-    x, y = (
-        np.ascontiguousarray(cv2.resize(np.asarray(nodes[:, :, k], np.float32), size)[inner], np.float32)
-        for k in (0, 1)
-    )
-    if known.all():
-        return x, y, np.ones(x.shape, bool)
-    valid = cv2.resize(np.asarray(known, np.float32), size)[inner] > 0.999
-    return x, y, np.asarray(valid)
+    seen = _project_grid(camera, canvas, np.asarray(columns, np.float64), np.asarray(rows, np.float64))
+    return Blocks(region, outer, seen, np.asarray(np.isfinite(seen).all(2)))
 
 
 def _project_grid(camera: Camera, canvas: Canvas, columns: Floats, rows: Floats) -> Floats:

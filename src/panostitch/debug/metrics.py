@@ -13,6 +13,7 @@ from panostitch.model.alignment import Alignment
 from panostitch.model.camera import Camera
 from panostitch.model.canvas import Canvas, Region
 from panostitch.model.features import Features
+from panostitch.model.light import Light
 from panostitch.model.match import Groups, Link, PutativeMatch, VerifiedMatch
 from panostitch.model.photo import Photo
 
@@ -104,9 +105,15 @@ class Metrics:
         """Size that the seams and low bands are made at."""
         self._sizes["reduced_canvas"] = canvas.size
 
-    def compositing_exposed(self, photos: Sequence[Photo], gains: NDArray[np.floating], **_: Any) -> None:
-        """Gain of each photo."""
-        self._parts["gains"] = {photo.name: gain for photo, gain in zip(photos, np.asarray(gains), strict=True)}
+    def compositing_exposed(self, photos: Sequence[Photo], light: Light, **_: Any) -> None:
+        """Gain of each photo, as a whole and by channel, and the fall-off of its lens."""
+        names = [photo.name for photo in photos]
+        self._parts["gains"] = dict(zip(names, light.brightness, strict=True))
+        self._parts["light"] = {
+            "reason": light.reason,
+            "channel_gains": dict(zip(names, light.gains, strict=True)),
+            "fall_off": dict(zip(names, light.fall_off, strict=True)),
+        }
 
     def compositing_seamed(self, labels: NDArray[np.int16], names: Sequence[str], **_: Any) -> None:
         """Share of the covered canvas that each photo owns."""

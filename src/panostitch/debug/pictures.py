@@ -15,6 +15,7 @@ from panostitch.geometry.sampling import rescale
 from panostitch.model.alignment import Alignment
 from panostitch.model.canvas import Canvas, Layer, Region
 from panostitch.model.features import Features
+from panostitch.model.light import Light
 from panostitch.model.match import Groups, Link, PutativeMatch, VerifiedMatch
 from panostitch.model.photo import Photo
 
@@ -151,13 +152,13 @@ class Pictures:
         self._save(f"{folder.WARPED}/{name}.jpg", lambda: draw.on_canvas(layers, canvas.size))
 
     def compositing_exposed(
-        self, photos: Sequence[Photo], gains: NDArray[np.floating], before: Pixels, after: Pixels, **_: Any
+        self, photos: Sequence[Photo], light: Light, before: Pixels, after: Pixels, **_: Any
     ) -> None:
         """The panorama without and with gains, and the gains."""
         self._save(f"{folder.EXPOSURE}/before.jpg", lambda: to_bytes(fit(before)))
         self._save(f"{folder.EXPOSURE}/after.jpg", lambda: to_bytes(fit(after)))
         names = [photo.name for photo in photos]
-        self._save(f"{folder.EXPOSURE}/gains.png", lambda: diagram.gains(names, np.asarray(gains, np.float64)))
+        self._save(f"{folder.EXPOSURE}/gains.png", lambda: diagram.gains(names, light.brightness))
 
     def compositing_seamed(self, labels: NDArray[np.int16], picture: Pixels, names: Sequence[str], **_: Any) -> None:
         """Lines where one photo ends and the next begins, and who owns what."""

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from panostitch.model.canvas import Canvas, Layer, Region
+from panostitch.model.light import Light
 
 NOBODY = -1  # label of canvas pixels that no photo covers
 
@@ -15,7 +16,7 @@ NOBODY = -1  # label of canvas pixels that no photo covers
 class Plan:
     """All that needs the whole picture at once, at 1 / `factor` of the canvas.
 
-    gains:      (n,) factor on each photo's encoded pixels
+    light:      what makes the photos equally bright
     factor:     canvas px in a pixel of the arrays below: a power of two
     labels:     (h, w) int16, which photo owns the pixel; NOBODY outside all photos
     changes:    for each photo, on its footprints: (h, w, 3) float32, what the blend of the low bands adds to it; empty
@@ -24,7 +25,7 @@ class Plan:
     crop_reason: why, one sentence
     """
 
-    gains: NDArray[np.float64]
+    light: Light
     factor: int
     labels: NDArray[np.int16]
     changes: tuple[tuple[tuple[Region, NDArray[np.float32]], ...], ...]

@@ -1,6 +1,7 @@
 """A photo: a light handle that knows its size and lens, and reads pixels on demand."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -51,6 +52,13 @@ class Photo:
     def megapixels(self) -> float:
         """Size in millions of pixels."""
         return self.size[0] * self.size[1] / 1e6
+
+
+def lens_groups(photos: Sequence[Photo]) -> list[int]:
+    """For each photo the number of its lens: photos with the same metadata and size (either way up) share one."""
+    keys = [(photo.lens, *sorted(photo.size)) for photo in photos]
+    numbers = {key: number for number, key in enumerate(dict.fromkeys(keys))}
+    return [numbers[key] for key in keys]
 
 
 def natural_key(name: str) -> tuple[object, ...]:

@@ -17,12 +17,12 @@ from panostitch.io.writers import write_bytes
 from panostitch.model.alignment import Alignment
 from panostitch.model.camera import Camera
 from panostitch.model.canvas import Canvas, Region
+from panostitch.model.light import GAMMA, TERMS, Light, unchanged
 from panostitch.model.photo import Photo
 
 Floats = NDArray[np.float64]
 
 POOR = 0.5  # px: a fit that is worse than this shows in the panorama
-GAMMA = 2.2  # of the encoded pixels, to which our gains are applied
 # Hugin's model of a camera's tone curve (EMoR, Grossberg & Nayar 2003): with these five numbers it comes within 2.3
 # grey levels of a power law of GAMMA (least squares), under which exposure is the gain that it is with us. Its default,
 # all zero, is another curve: it would even out half as much again.
@@ -74,12 +74,12 @@ def check_photos(photos: Sequence[Photo]) -> None:
 
 
 def write_pto(
-    alignment: Alignment, path: str, canvas: Canvas, *, crop: Region | None = None, gains: Floats | None = None
+    alignment: Alignment, path: str, canvas: Canvas, *, crop: Region | None = None, light: Light | None = None
 ) -> Exactness:
     """Write an alignment for Hugin, with the panorama that we would make of it; how exact Hugin's cameras are.
 
     crop:  part of the canvas that is kept; None for all of it
-    gains: (n,) factors on the photos' encoded pixels
+    light: what makes the photos equally bright; its fall-off as nearly as Hugin's polynomial is ours
 
     Raises OutputError, and UsageError for what a .pto file cannot hold.
     """
@@ -88,11 +88,11 @@ def write_pto(
     cameras = [frame.stored_camera(camera) for frame, camera in zip(frames, alignment.cameras, strict=True)]
     describe = _flat if alignment.model != "rotation" else _around
     panorama, geometry, exactness = describe(alignment, cameras, canvas, crop or canvas.region)
-    exposures = np.zeros(len(cameras)) if gains is None else GAMMA * np.log2(gains)
+    light = light or unchanged(len(cameras))
     folder = os.path.abspath(os.path.dirname(path) or ".")
     images = [
-        _Image(camera.size, {**_LIGHT, "Eev": float(exposure), **values}, _relative(photo.path, folder))
-        for camera, exposure, values, photo in zip(cameras, exposures, geometry, alignment.photos, strict=True)
+        _Image(camera.size, {**_LIGHT, **_photometry(light, n), **values}, _relative(photo.path, folder))
+        for n, (camera, values, photo) in enumerate(zip(cameras, geometry, alignment.photos, strict=True))
     ]
     lines = [*_head(panorama, exactness), *_i_lines(images), *_v_lines(images), *_c_lines(alignment, frames), ""]
     write_bytes(path, os.fsencode("\n".join(lines)))
@@ -105,6 +105,21 @@ _LIGHT = {
     **dict.fromkeys(("Vb", "Vc", "Vd", "Vx", "Vy", "g", "t", "j"), 0.0),
     "Vm": 5.0,
 }
+FALL_OFF_RADII = 100  # at which Hugin's fall-off is fitted to ours
+
+
+def _photometry(light: Light, photo: int) -> dict[str, float]:
+    """Exposure value, white balance and fall-off. Hugin divides red and blue by Er and Eb, and all by the fall-off."""
+    red, green, blue = (float(gain) for gain in light.gains[photo])
+    values = {"Eev": GAMMA * math.log2(green), "Er": (green / red) ** GAMMA, "Eb": (green / blue) ** GAMMA}
+    if light.has_fall_off(photo):
+        square = np.linspace(0, 1, FALL_OFF_RADII)
+        left = light.brightening(photo, square) ** -GAMMA
+        terms = np.linalg.lstsq(square[:, None] ** np.arange(1, TERMS + 1), left - 1, rcond=None)[0]
+        values |= dict(zip(("Vb", "Vc", "Vd"), map(float, terms), strict=True))
+    return values
+
+
 _STILL = dict.fromkeys(("TrX", "TrY", "TrZ", "Tpy", "Tpp"), 0.0)
 
 

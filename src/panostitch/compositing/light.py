@@ -1,0 +1,76 @@
+"""The correction of a photo's light on its pixels."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from panostitch.compositing.warp import blocks
+from panostitch.model.camera import Camera
+from panostitch.model.canvas import Canvas, Region
+from panostitch.model.light import Light, radius_square
+
+Floats = NDArray[np.float32]
+
+WHITE = np.float32(255)
+BURNT = np.float32(235)  # grey levels of the darkest channel from which on a pixel is on its way to white
+FARTHEST = 2.0  # square of a radius: coordinates go on beyond the photo, where the fall-off means nothing
+
+
+def factors(light: Light, photo: int, camera: Camera, canvas: Canvas, region: Region) -> Floats:
+    """What to multiply a photo by in a region of the canvas: (h, w, 3), or (3,) where there is no fall-off.
+
+    Exact on the coarse grid of `warp.coordinates`, bilinear between: the same whatever region is asked for.
+    """
+    gains = np.asarray(light.gains[photo], np.float32)
+    if not light.has_fall_off(photo):
+        return gains
+    grid = blocks(camera, canvas, region)
+    square = np.where(grid.known, radius_square(grid.seen, camera.size), FARTHEST)
+    return grid.enlarged(with_fall_off(light, photo, square))
+
+
+def with_fall_off(light: Light, photo: int, square: NDArray[np.float64]) -> Floats:
+    """What to multiply a photo by (h, w, 3) where the squares of the radii are these (h, w)."""
+    brighter = light.brightening(photo, np.minimum(square, FARTHEST))
+    return np.asarray(brighter[..., None] * light.gains[photo], np.float32)
+
+
+def expose(pixels: Floats, factor: Floats) -> Floats:
+    """Pixels (h, w, 3) in 0..255 times a factor (3,) or (h, w, 3).
+
+    What would be brighter than white keeps its hue. What is white may have been any brighter, and stays white.
+    """
+    if factor.ndim == 1 and (factor == 1).all():
+        return pixels
+    exposed = _times(pixels, factor)
+    changes_white = factor.ndim > 1 or factor.min() < 1 or np.ptp(factor) > 0
+    if changes_white and pixels.max(initial=0) > BURNT:
+        _keep_white(pixels, exposed)
+    if exposed.max(initial=0) > WHITE:
+        _keep_hue(exposed)
+    return exposed
+
+
+def _times(pixels: Floats, factor: Floats) -> Floats:
+    if factor.ndim > 1:
+        return np.asarray(cv2.multiply(pixels, factor), np.float32)
+    if np.ptp(factor) == 0:
+        return np.asarray(pixels * factor[0], np.float32)
+    return np.asarray(cv2.transform(pixels, np.diag(factor)), np.float32)
+
+
+def _keep_white(pixels: Floats, exposed: Floats) -> None:
+    # planes: NumPy is slow along an axis of three
+    red, green, blue = cv2.split(pixels)
+    darkest = np.asarray(cv2.min(cv2.min(red, green), blue))
+    white = darkest > BURNT
+    if white.any():
+        own, share = exposed[white], ((darkest[white] - BURNT) / (WHITE - BURNT)) ** 2
+        level = np.maximum(own.max(1), pixels[white].max(1))
+        exposed[white] = own + (level[:, None] - own) * share[:, None]
+
+
+def _keep_hue(exposed: Floats) -> None:
+    red, green, blue = cv2.split(exposed)
+    brightest = np.asarray(cv2.max(cv2.max(red, green), blue))
+    exposed *= cv2.merge([WHITE / np.maximum(brightest, WHITE)] * 3)
