@@ -108,7 +108,7 @@ def test_a_pyramid_halves_down_to_a_tile(tmp_path):
 def test_what_is_transparent_does_not_darken_the_smaller_copies(tmp_path):
     def grey(region):
         layer = computed(region)
-        return replace(layer, pixels=np.where(layer.mask[..., None], np.float32(200), np.float32(0)))
+        return replace(layer, pixels=np.where(layer.mask[..., None], np.full(3, 200, np.float32), np.float32(0)))
 
     path = write(tmp_path / "a.tif", panorama_of(read=grey), pyramid="full")
 

@@ -5,6 +5,7 @@ TIFF and PNG are written as their tiles come. JPEG and WebP are made of the whol
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -70,7 +71,7 @@ def write_panorama(
     _check_sides(path, extension, crop)
     preview = None if trace is silent else Preview(crop)
     picture = Rendering(panorama, run, preview)
-    picture = Rendering(panorama, _bounded(picture, extension, options), preview)
+    picture = replace(picture, run=_bounded(picture, extension, options))
     with replacing(path) as file:
         if extension in (".tif", ".tiff"):
             write_tiff(file, path, picture, options)
