@@ -157,13 +157,9 @@ class OutputOptions:
         None, "Most memory that rendering may take, 500M or 1.5G: fewer threads, fewer photos kept in memory."
     )
 
-    def __post_init__(self) -> None:
-        """Raise UsageError for an amount of memory that is none, before anything is done."""
-        _ = self.memory
-
     @property
     def memory(self) -> int | None:
-        """Bytes of memory that rendering may take; None without a limit."""
+        """Bytes of memory that rendering may take; None without a limit. Raises UsageError where it is no amount."""
         return None if self.max_memory is None else size_in_bytes(self.max_memory)
 
 

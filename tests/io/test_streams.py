@@ -15,7 +15,7 @@ import pytest
 import tifffile
 from PIL import Image
 
-from panostitch.errors import LimitError, OutputError
+from panostitch.errors import LimitError, OutputError, UsageError
 from panostitch.io import png, tiff, writers
 from panostitch.model.canvas import Canvas, Layer, Region
 from panostitch.model.panorama import Panorama, Plan
@@ -296,3 +296,16 @@ def test_a_large_picture_comes_in_seconds(tmp_path):
     assert time.perf_counter() - began < 60  # s, on a machine that is busy with other things
     with tifffile.TiffFile(path) as file:
         assert file.pages[0].shape == (3000, 9000, 4)
+
+
+@pytest.mark.parametrize(
+    ("text", "size"), [("500M", 500 << 20), ("1.5G", 3 << 29), ("2 GiB", 2 << 30), ("64kb", 1 << 16), ("12345", 12345)]
+)
+def test_amounts_of_memory(text, size):
+    assert OutputOptions(max_memory=text).memory == size
+
+
+@pytest.mark.parametrize("text", ["", "much", "-1G", "1e9", "G", "nan"])
+def test_what_is_no_amount_of_memory(text):
+    with pytest.raises(UsageError, match="amount"):
+        _ = OutputOptions(max_memory=text).memory
