@@ -5,8 +5,11 @@ anywhere else. Standard library only, so that `panostitch --help` is quick.
 """
 
 import dataclasses
+import re
 from dataclasses import dataclass, field
 from typing import Any, Literal
+
+from panostitch.errors import UsageError
 
 
 def option(default: Any, help: str, *, min: float | None = None, max: float | None = None) -> Any:
@@ -132,11 +135,36 @@ class CompositingOptions:
     blender: Literal["multiband", "feather", "none"] = option("multiband", "How photos are joined at the seams.")
 
 
+UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
+
+
+def size_in_bytes(text: str) -> int:
+    """The number of bytes in 500M, 1.5G, 2GiB, 800000000. Raises UsageError where there is none."""
+    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([KMGT]?)(?:I?B)?", text.strip().upper())
+    if not found:
+        raise UsageError(f"{text} is no amount of memory", hint="write it as 500M or 1.5G")
+    return int(float(found[1]) * UNITS[found[2]])
+
+
 @dataclass(frozen=True)
 class OutputOptions:
     """What is written."""
 
-    quality: int = option(92, "JPEG quality of the panorama.", min=1, max=100)
+    quality: int = option(92, "Quality of a JPEG or WebP panorama.", min=1, max=100)
+    compression: Literal["deflate", "none"] = option(
+        "deflate", "Of a TIFF: without loss (deflate), or none: several times as quick, twice the size."
+    )
+    pyramid: Literal["none", "full"] = option(
+        "none", "Put smaller copies of itself into a TIFF, each half the one before (full): viewers open it at once."
+    )
+    max_memory: str | None = option(
+        None, "Most memory that rendering may take, 500M or 1.5G: fewer threads, fewer photos kept in memory."
+    )
+
+    @property
+    def memory(self) -> int | None:
+        """Bytes of memory that rendering may take; None without a limit. Raises UsageError where it is no amount."""
+        return None if self.max_memory is None else size_in_bytes(self.max_memory)
 
 
 @dataclass(frozen=True)

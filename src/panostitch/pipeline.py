@@ -5,7 +5,7 @@
 from collections.abc import Sequence
 
 from panostitch.alignment import align_group
-from panostitch.compositing import lay_out, make_panorama, make_plan
+from panostitch.compositing import decoding_bytes, lay_out, make_panorama, make_plan
 from panostitch.compositing.view import look
 from panostitch.errors import NoOverlapError
 from panostitch.matching import explain_left_out, pairs_tried
@@ -16,6 +16,7 @@ from panostitch.model.photo import Photo
 from panostitch.options import Options
 from panostitch.recognition import Recognition, recognise
 from panostitch.runtime.executor import Executor, serial
+from panostitch.runtime.memory import within
 from panostitch.runtime.trace import Trace, silent
 
 __all__ = ["Recognition", "align", "align_panorama", "left_out", "no_overlap", "recognise", "render"]
@@ -56,11 +57,16 @@ def align_panorama(
 
 
 def render(alignment: Alignment, options: Options, *, run: Executor = serial, trace: Trace = silent) -> Panorama:
-    """The panorama of an alignment; its pixels are made when a region is read."""
+    """The panorama of an alignment; its pixels are made when a region is read.
+
+    Raises LimitError where --max-memory does not suffice.
+    """
     alignment = look(alignment, options.layout)
     canvas = lay_out(alignment, options.layout, trace=trace)
+    limit = options.output.memory
+    run = within(run, limit, each=decoding_bytes(alignment.photos))
     plan = make_plan(alignment, canvas, options.compositing, options.layout.crop, run=run, trace=trace)
-    return make_panorama(alignment, canvas, plan, options.compositing)
+    return make_panorama(alignment, canvas, plan, options.compositing, memory=limit)
 
 
 def left_out(recognition: Recognition, kept: Sequence[int]) -> list[LeftOut]:

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from panostitch.errors import LimitError, OutputError
-from panostitch.io import writers
+from panostitch.io import atomic, rendering, writers
 from panostitch.model.canvas import Canvas, Layer, Region
 from panostitch.model.light import unchanged
 from panostitch.model.panorama import Panorama, Plan
@@ -161,7 +161,7 @@ def fail(*_, **__):
 
 FAILURES = {
     "encoder": lambda patch: patch.setattr(cv2, "imencode", lambda *_: (False, None)),
-    "disk full": lambda patch: patch.setattr(writers.tempfile, "NamedTemporaryFile", fail),
+    "disk full": lambda patch: patch.setattr(atomic.os, "open", fail),
     "rename": lambda patch: patch.setattr(os, "replace", fail),
     "permissions": lambda patch: patch.setattr(os, "chmod", fail),
 }
@@ -218,7 +218,7 @@ def panorama():
 
 @pytest.mark.parametrize("threads", [1, 3])
 def test_tiles_make_up_the_crop(threads, panorama, monkeypatch):
-    monkeypatch.setattr(writers, "TILE", 64)
+    monkeypatch.setattr(rendering, "TILE", 64)
 
     pixels, mask = writers.assemble(panorama, run=Executor(threads))
 

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 @click.command("batch")
 @click.argument("folder")
 @click.option("-o", "--output", required=True, metavar="FOLDER", help="Where the panoramas go; made if need be.")
-@click.option("--format", "file_format", type=click.Choice(["jpg", "png", "tif"]), default="jpg", show_default=True)
+@click.option(
+    "--format", "file_format", type=click.Choice(["jpg", "png", "tif", "webp"]), default="jpg", show_default=True
+)
 @every_stage
 @run_options
 def command(folder: str, output: str, file_format: str, **given: Any) -> int:

@@ -10,7 +10,7 @@ from panostitch.options import CompositingOptions, LayoutOptions, OutputOptions
 
 @click.command("render")
 @click.argument("project_file", metavar="FILE.pano.json|FILE.pto")
-@click.option("-o", "--output", required=True, metavar="PANORAMA", help="Where to write: .jpg, .png or .tif.")
+@click.option("-o", "--output", required=True, metavar="PANORAMA", help="Where to write: .jpg, .png, .tif or .webp.")
 @stage_options(LayoutOptions, CompositingOptions, OutputOptions)
 @run_options
 def command(project_file: str, output: str, **given: Any) -> int:

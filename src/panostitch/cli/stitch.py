@@ -9,7 +9,7 @@ from panostitch.cli.options import every_stage, options_of, run_options
 
 @click.command("stitch")
 @click.argument("photos", nargs=-1, required=True)
-@click.option("-o", "--output", required=True, metavar="PANORAMA", help="Where to write: .jpg, .png or .tif.")
+@click.option("-o", "--output", required=True, metavar="PANORAMA", help="Where to write: .jpg, .png, .tif or .webp.")
 @click.option("--save-project", metavar="FILE.pano.json", default=None, help="Keep the alignment, for `render`.")
 @click.option("--pto", metavar="FILE.pto", default=None, help="Write cameras and panorama for Hugin as well.")
 @every_stage

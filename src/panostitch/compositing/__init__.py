@@ -3,6 +3,7 @@
 from functools import partial
 
 from panostitch.compositing.compose import compose
+from panostitch.compositing.cost import decoding_bytes, photo_budget, tile_bytes
 from panostitch.compositing.layout import lay_out
 from panostitch.compositing.plan import make_plan
 from panostitch.compositing.warp import decoded_photos
@@ -11,9 +12,13 @@ from panostitch.model.canvas import Canvas
 from panostitch.model.panorama import Panorama, Plan
 from panostitch.options import CompositingOptions
 
-__all__ = ["lay_out", "make_panorama", "make_plan"]
+__all__ = ["decoding_bytes", "lay_out", "make_panorama", "make_plan"]
 
 
-def make_panorama(alignment: Alignment, canvas: Canvas, plan: Plan, options: CompositingOptions) -> Panorama:
-    """The panorama as a function of a region."""
-    return Panorama(canvas, plan, partial(compose, alignment, canvas, plan, options, decoded_photos()))
+def make_panorama(
+    alignment: Alignment, canvas: Canvas, plan: Plan, options: CompositingOptions, *, memory: int | None = None
+) -> Panorama:
+    """The panorama as a function of a region; `memory` is what the whole program may take, in bytes."""
+    budget = photo_budget(alignment.photos, memory)
+    read = partial(compose, alignment, canvas, plan, options, decoded_photos(budget))
+    return Panorama(canvas, plan, read, partial(tile_bytes, alignment.photos, canvas, plan, options), budget)

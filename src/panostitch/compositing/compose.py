@@ -1,7 +1,6 @@
 """A region of the panorama at full size: warp, light, seams, fine bands over what the low bands change."""
 
 from functools import partial
-from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -15,8 +14,6 @@ from panostitch.model.alignment import Alignment
 from panostitch.model.canvas import Canvas, Layer, Region
 from panostitch.model.panorama import Plan
 from panostitch.options import CompositingOptions
-
-Number = TypeVar("Number", bound=np.generic)
 
 EDGE = 8  # px of the reduced canvas by which a change goes on beyond its photo's footprint, for the halo of tiles
 LABEL_MARGIN = 2  # px of the reduced canvas around a tile, so that enlarging needs no edge
@@ -39,7 +36,7 @@ def compose(
 
 def _pieces(alignment: Alignment, canvas: Canvas, plan: Plan, decoded: Decoded, tile: Region) -> list[Piece]:
     """The photos that own a part of the tile or lie next to it, each with the part it owns."""
-    labels = _lookup(plan.labels, plan, canvas, tile)
+    labels = label_rectangle(plan, canvas, tile)
     photos = [int(n) for n in np.unique(labels)]
     layers = []
     for n in photos:
@@ -72,14 +69,14 @@ def _owners(
     return owner
 
 
-def _lookup(array: NDArray[Number], plan: Plan, canvas: Canvas, tile: Region) -> NDArray[Number]:
-    """The part of an array of the plan that lies under a tile, with a margin; columns wrap where the canvas does."""
+def label_rectangle(plan: Plan, canvas: Canvas, tile: Region) -> NDArray[np.int16]:
+    """The labels of the plan under a tile, with a margin; columns wrap where the canvas does."""
     small = tile.divided(plan.factor).grown(LABEL_MARGIN)
-    height, width = array.shape[:2]
+    height, width = plan.labels.shape
     columns = np.arange(small.x, small.right)
     columns = columns % width if canvas.wraps else columns.clip(0, width - 1)
     rows = np.arange(small.y, small.bottom).clip(0, height - 1)
-    return np.asarray(array[np.ix_(rows, columns)], array.dtype)
+    return np.asarray(plan.labels[np.ix_(rows, columns)], np.int16)
 
 
 def _change(plan: Plan, canvas: Canvas, photo: int, tile: Region) -> Floats:

@@ -65,18 +65,22 @@ def bounding_box(covered: NDArray[np.bool_]) -> Region:
     return Region(x, y, int(columns[-1]) + 1 - x, int(rows[-1]) + 1 - y)
 
 
-def choose_crop(covered: NDArray[np.bool_], rule: str) -> tuple[Region, str]:
-    """The part of a coverage mask to keep by the rule auto, full or none, and why, in a few words."""
-    box = bounding_box(covered)
-    if rule == "none" or not box:
-        return box, "the whole view, not cropped"
-    # a pixel of the mask is whole only if its neighbours are covered as well
+def surely_covered(covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Pixels of a reduced mask that are covered in full: those whose neighbours are covered as well."""
     inner = covered.copy()
     inner[1:] &= covered[:-1]
     inner[:-1] &= covered[1:]
     inner[:, 1:] &= covered[:, :-1]
     inner[:, :-1] &= covered[:, 1:]
-    rectangle = largest_rectangle(inner)
+    return inner
+
+
+def choose_crop(covered: NDArray[np.bool_], rule: str) -> tuple[Region, str]:
+    """The part of a coverage mask to keep by the rule auto, full or none, and why, in a few words."""
+    box = bounding_box(covered)
+    if rule == "none" or not box:
+        return box, "the whole view, not cropped"
+    rectangle = largest_rectangle(surely_covered(covered))
     kept = rectangle.area / max(int(covered.sum()), 1)
     if rule == "full" and rectangle:
         return rectangle, f"the largest full rectangle, {kept:.0%} of the view"

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from panostitch.compositing.blend import BLENDERS
 from panostitch.compositing.blend.pieces import Piece, fill, hard_composite
-from panostitch.compositing.crop import choose_crop
+from panostitch.compositing.crop import choose_crop, surely_covered
 from panostitch.compositing.exposure import EXPOSURE
 from panostitch.compositing.light import expose, with_fall_off
 from panostitch.compositing.overlaps import Squares
@@ -74,7 +74,17 @@ def make_plan(
         _trace_bands(picture, trace)
     trace("compositing.cropped", picture=picture, coverage=covered, crop=kept, reason=reason)
     changes = _changes(count, exposed, blended, small)
-    return Plan(light, factor, extended, changes, kept.times(factor) & canvas.region, reason)
+    whole = _fully_covered(covered, kept, canvas, factor)
+    return Plan(light, factor, extended, changes, kept.times(factor) & canvas.region, reason, whole)
+
+
+def _fully_covered(covered: NDArray[np.bool_], crop: Region, canvas: Canvas, factor: int) -> bool:
+    """Whether photos surely cover all pixels of the crop, as far as the reduced mask tells."""
+    if factor == 1:
+        return bool(covered[crop.within(canvas.region)].all())
+    # the photos' edges run through the outermost pixels, unless the canvas goes on at its other side
+    framed = np.pad(np.pad(covered, ((1, 1), (0, 0))), ((0, 0), (1, 1)), mode="wrap" if canvas.wraps else "constant")
+    return bool(surely_covered(framed)[1:-1, 1:-1][crop.within(canvas.reduced(factor).region)].all())
 
 
 def _warp_all(

@@ -23,9 +23,9 @@ REDUCE_BELOW = 0.75  # photos are read reduced only where the canvas is coarser 
 CACHE_BYTES = 2 << 30
 
 
-def decoded_photos() -> Decoded:
-    """A memory for decoded photos, by their number."""
-    return LastUsed(CACHE_BYTES, lambda entry: sum(a.nbytes for a in entry[0] if a is not None))
+def decoded_photos(budget: int = CACHE_BYTES) -> Decoded:
+    """A memory for decoded photos, by their number, of so many bytes."""
+    return LastUsed(budget, lambda entry: sum(a.nbytes for a in entry[0] if a is not None))
 
 
 def read_for(photo: Photo, camera: Camera, canvas: Canvas) -> tuple[Raster, Camera]:

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any, get_args
 
 from panostitch.errors import InputError
+from panostitch.io.atomic import write_bytes
 from panostitch.io.readers import open_photo
-from panostitch.io.writers import write_bytes
 from panostitch.model.alignment import (
     FORMAT,
     FORMAT_VERSION,

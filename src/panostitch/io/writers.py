@@ -1,30 +1,40 @@
-"""Writing panoramas: tile by tile into one picture, to a temporary name, renamed at the end."""
+"""Writing panoramas: tile by tile, to a file that takes its place when it is whole.
+
+TIFF and PNG are written as their tiles come. JPEG and WebP are made of the whole picture, which their encoders want.
+"""
 
 import os
-import tempfile
 from collections.abc import Sequence
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from panostitch.errors import LimitError, OutputError
+from panostitch.io.atomic import replacing, write_bytes
+from panostitch.io.png import band_bytes, write_png
+from panostitch.io.rendering import Pixels, Preview, Rendering, read_tile, tiles_of
+from panostitch.io.tiff import write_tiff
 from panostitch.model.canvas import Region
 from panostitch.model.panorama import Panorama
 from panostitch.options import OutputOptions
+from panostitch.runtime import memory
 from panostitch.runtime.executor import Executor, serial
 from panostitch.runtime.trace import Trace, silent
 
-Pixels = NDArray[np.uint8]
+__all__ = ["assemble", "check_output", "write_bytes", "write_panorama", "write_picture"]
 
-EXTENSIONS = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
+EXTENSIONS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp")
+JPEG = (".jpg", ".jpeg")
 JPEG_LIMIT = 65_500  # px a side
-TILE = 1024  # px a side: its arrays stay small, and most tiles hold no seam
-PREVIEW = 1600  # px, longer side of the preview that goes to the trace
+WEBP_LIMIT = 16_383  # px a side
 PNG_LEVEL = 3  # a quarter of the time of the best compression for a few per cent of size
+ENCODING = {3: 6, 4: 14}  # bytes a pixel that pictures of so many channels take while they are encoded whole
+FINISHED = 6  # tiles a thread, encoded or not, that wait until they are written
+NO_STREAM = (
+    "write a .tif, which is written as it is made; allow more with --max-memory; or make it smaller with --scale"
+)
 
 
 def check_output(path: str, *, overwrite: bool, inputs: Sequence[str] = (), extensions: Sequence[str] = ()) -> None:
@@ -53,16 +63,58 @@ def check_output(path: str, *, overwrite: bool, inputs: Sequence[str] = (), exte
 def write_panorama(
     panorama: Panorama, path: str, options: OutputOptions, *, run: Executor = serial, trace: Trace = silent
 ) -> None:
-    """Render the cropped panorama and write it. Raises OutputError, or LimitError for a JPEG of impossible size."""
-    crop = panorama.plan.crop
-    if path.lower().endswith((".jpg", ".jpeg")) and max(crop.width, crop.height) > JPEG_LIMIT:
+    """Render the cropped panorama and write it.
+
+    Raises OutputError; LimitError for a JPEG or WebP of impossible size, or where memory does not suffice.
+    """
+    crop, extension = panorama.plan.crop, Path(path).suffix.lower()
+    _check_sides(path, extension, crop)
+    preview = None if trace is silent else Preview(crop)
+    picture = Rendering(panorama, run, preview)
+    picture = replace(picture, run=_bounded(picture, extension, options))
+    with replacing(path) as file:
+        if extension in (".tif", ".tiff"):
+            write_tiff(file, path, picture, options)
+        elif extension == ".png":
+            write_png(file, picture)
+        else:
+            file.write(_encode(path, picture.whole(_channels(picture, extension)), quality=options.quality).data)
+    if preview:
+        trace("panorama.written", path=path, size=(crop.width, crop.height), preview=preview.pixels)
+
+
+def _check_sides(path: str, extension: str, crop: Region) -> None:
+    """Raise LimitError where the format has no such sizes."""
+    limit = JPEG_LIMIT if extension in JPEG else WEBP_LIMIT if extension == ".webp" else None
+    if limit and max(crop.width, crop.height) > limit:
+        name = "JPEG" if extension in JPEG else "WebP"
         raise LimitError(
-            f"{path}: a JPEG has at most {JPEG_LIMIT} px a side, this would be {crop.width} x {crop.height}",
+            f"{path}: a {name} has at most {limit} px a side, this would be {crop.width} x {crop.height}",
             hint="write a .tif or .png, or make it smaller with --scale",
         )
-    pixels, mask = assemble(panorama, run=run)
-    write_picture(path, pixels, mask, quality=options.quality)
-    trace("panorama.written", path=path, size=(crop.width, crop.height), preview=_preview(pixels))
+
+
+def _bounded(picture: Rendering, extension: str, options: OutputOptions) -> Executor:
+    """The threads that --max-memory allows. Raises LimitError where it allows none."""
+    if options.memory is None:
+        return picture.run
+    crop, channels = picture.crop, _channels(picture, extension)
+    streams = extension in (".tif", ".tiff")
+    whole = 0 if streams else crop.area * ENCODING[channels]
+    held = min(whole, 2 * band_bytes(crop, channels)) if extension == ".png" else whole
+    tiles = tiles_of(crop)
+    each = max(map(picture.panorama.cost, tiles)) + FINISHED * max(tile.area for tile in tiles) * channels
+    return memory.within(
+        picture.run,
+        options.memory,
+        each=each,
+        besides=picture.panorama.kept + held,
+        hint="" if streams else NO_STREAM,
+    )
+
+
+def _channels(picture: Rendering, extension: str) -> int:
+    return 3 if extension in JPEG else picture.channels
 
 
 def assemble(panorama: Panorama, *, run: Executor = serial) -> tuple[Pixels, Pixels]:
@@ -70,61 +122,33 @@ def assemble(panorama: Panorama, *, run: Executor = serial) -> tuple[Pixels, Pix
     crop = panorama.plan.crop
     pixels = np.zeros((crop.height, crop.width, 3), np.uint8)
     mask = np.zeros((crop.height, crop.width), np.uint8)
-    tiles = crop.tiles(TILE)
-    for tile, (part, covered) in zip(tiles, run.map(partial(_tile, panorama), tiles, label="Rendering"), strict=True):
+    tiles = tiles_of(crop)
+    parts = run.map(lambda tile: read_tile(panorama, tile), tiles, label="Rendering")
+    for tile, (part, covered) in zip(tiles, parts, strict=True):
         place = tile.within(crop)
         pixels[place], mask[place] = part, covered
     return pixels, mask
 
 
-def _tile(panorama: Panorama, region: Region) -> tuple[Pixels, Pixels]:
-    layer = panorama.read(region)
-    return np.rint(layer.pixels).clip(0, 255).astype(np.uint8), layer.mask.astype(np.uint8) * np.uint8(255)
-
-
 def write_picture(path: str, pixels: Pixels, mask: Pixels | None = None, *, quality: int = 92) -> None:
     """Write RGB pixels (h, w, 3); a mask that is not full becomes alpha where the format has it. Raises OutputError."""
+    alpha = mask is not None and Path(path).suffix.lower() not in JPEG and not mask.all()
+    picture = np.dstack([pixels, mask]) if alpha and mask is not None else pixels.copy()
+    write_bytes(path, _encode(path, picture, quality=quality))
+
+
+def _encode(path: str, picture: Pixels, *, quality: int) -> Pixels:
+    """RGB or RGBA (h, w, channels), which is overwritten, in the format of the path."""
     extension = Path(path).suffix.lower()
-    alpha = mask is not None and extension not in (".jpg", ".jpeg") and not mask.all()
-    picture = np.dstack([pixels[..., ::-1], mask]) if alpha and mask is not None else pixels[..., ::-1]
+    code = cv2.COLOR_RGB2BGR if picture.shape[2] == 3 else cv2.COLOR_RGBA2BGRA
+    cv2.cvtColor(picture, code, dst=picture)
     parameters = {
         ".png": [cv2.IMWRITE_PNG_COMPRESSION, PNG_LEVEL],
         ".jpg": [cv2.IMWRITE_JPEG_QUALITY, quality],
         ".jpeg": [cv2.IMWRITE_JPEG_QUALITY, quality],
+        ".webp": [cv2.IMWRITE_WEBP_QUALITY, quality],
     }.get(extension, [])
-    written, data = cv2.imencode(extension, np.ascontiguousarray(picture), parameters)
+    written, data = cv2.imencode(extension, picture, parameters)
     if not written:
         raise OutputError(f"{path}: could not be encoded")
-    write_bytes(path, data)
-
-
-def write_bytes(path: str, data: Any) -> None:
-    """Write a file whole or not at all. Raises OutputError."""
-    target = Path(path)
-    temporary = ""
-    try:
-        with tempfile.NamedTemporaryFile(dir=target.parent, prefix=f".{target.name[:40]}.", delete=False) as file:
-            temporary = file.name
-            file.write(data)
-        os.chmod(temporary, 0o666 & ~_umask())
-        os.replace(temporary, target)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
-    finally:
-        if temporary and os.path.exists(temporary):
-            os.unlink(temporary)
-
-
-def _umask() -> int:
-    """The process's umask, under which temporary files are not made."""
-    mask = os.umask(0o077)
-    os.umask(mask)
-    return mask
-
-
-def _preview(pixels: Pixels) -> Pixels:
-    scale = PREVIEW / max(pixels.shape[:2])
-    if scale >= 1:
-        return pixels
-    size = max(1, round(pixels.shape[1] * scale)), max(1, round(pixels.shape[0] * scale))
-    return np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
+    return np.asarray(data, np.uint8)

@@ -54,12 +54,13 @@ class Region:
         """The region so many pixels further right."""
         return Region(self.x + right, self.y, self.width, self.height)
 
-    def tiles(self, side: int) -> list["Region"]:
-        """This region cut into pieces of at most `side` x `side`, row by row."""
+    def tiles(self, width: int, height: int | None = None) -> list["Region"]:
+        """This region cut into pieces of at most `width` x `height` (squares without it), row by row."""
+        height = height or width
         return [
-            Region(x, y, min(side, self.right - x), min(side, self.bottom - y))
-            for y in range(self.y, self.bottom, side)
-            for x in range(self.x, self.right, side)
+            Region(x, y, min(width, self.right - x), min(height, self.bottom - y))
+            for y in range(self.y, self.bottom, height)
+            for x in range(self.x, self.right, width)
         ]
 
     def divided(self, factor: int) -> "Region":

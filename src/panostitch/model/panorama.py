@@ -23,6 +23,7 @@ class Plan:
                 where nothing is blended on the reduced canvas
     crop:       the part of the canvas that is written
     crop_reason: why, one sentence
+    covered:     photos cover every pixel of the crop, so that it needs no alpha
     """
 
     light: Light
@@ -31,12 +32,27 @@ class Plan:
     changes: tuple[tuple[tuple[Region, NDArray[np.float32]], ...], ...]
     crop: Region
     crop_reason: str
+    covered: bool = False
+
+
+TYPICAL_COST = 200  # bytes for each pixel of a region while it is made
+
+
+def typical_cost(region: Region) -> int:
+    """Bytes that a region takes where nobody knows better."""
+    return region.area * TYPICAL_COST
 
 
 @dataclass(frozen=True)
 class Panorama:
-    """A panorama: `read(region)` makes the pixels of any region of the canvas when they are asked for."""
+    """A panorama: `read(region)` makes the pixels of any region of the canvas when they are asked for.
+
+    cost: from a region to the bytes of memory that `read` takes while it works, about
+    kept: bytes that reads may leave behind in memory, for the reads that follow
+    """
 
     canvas: Canvas
     plan: Plan
     read: Callable[[Region], Layer]
+    cost: Callable[[Region], int] = typical_cost
+    kept: int = 0

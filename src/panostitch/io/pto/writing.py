@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from panostitch.errors import UsageError
 from panostitch.geometry import rotation
+from panostitch.io.atomic import write_bytes
 from panostitch.io.pto import flat, lens
 from panostitch.io.pto.canvas import HuginCanvas, place, place_flat
 from panostitch.io.pto.frame import Frame, frame_of
-from panostitch.io.writers import write_bytes
 from panostitch.model.alignment import Alignment
 from panostitch.model.camera import Camera
 from panostitch.model.canvas import Canvas, Region

@@ -1,0 +1,90 @@
+"""The cropped panorama as 8-bit pixels, tile by tile in a fixed order, for those who write it."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TypeVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from panostitch.model.canvas import Region
+from panostitch.model.panorama import Panorama
+from panostitch.runtime.executor import Executor
+
+Pixels = NDArray[np.uint8]
+Result = TypeVar("Result")
+
+TILE = 1024  # px wide, and half as high: its arrays stay small, and most tiles hold no seam
+PREVIEW = 1600  # px, longer side of the preview that goes to the trace
+AHEAD = 2  # finished tiles a thread that may wait until they are written
+
+
+class Preview:
+    """A small copy of the picture, which grows with its tiles. Tiles may come in any order, from any thread."""
+
+    def __init__(self, crop: Region) -> None:
+        self._crop = crop
+        self._scale = min(1.0, PREVIEW / max(crop.width, crop.height))
+        height, width = (max(1, round(n * self._scale)) for n in (crop.height, crop.width))
+        self.pixels = np.zeros((height, width, 3), np.uint8)
+
+    def add(self, region: Region, pixels: Pixels) -> None:
+        """Put in the pixels (h, w, ...) of a region."""
+        left, right = (round((x - self._crop.x) * self._scale) for x in (region.x, region.right))
+        top, bottom = (round((y - self._crop.y) * self._scale) for y in (region.y, region.bottom))
+        place = self.pixels[top:bottom, left:right]
+        if place.size:
+            place[...] = cv2.resize(pixels[..., :3], place.shape[1::-1], interpolation=cv2.INTER_AREA)
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """A panorama on its way into a file. The order and the size of its tiles depend on nothing but the picture."""
+
+    panorama: Panorama
+    run: Executor
+    preview: Preview | None = None
+
+    @property
+    def crop(self) -> Region:
+        """The part of the canvas that is written."""
+        return self.panorama.plan.crop
+
+    @property
+    def channels(self) -> int:
+        """3, or 4 with alpha, where the photos do not cover the whole picture."""
+        return 3 if self.panorama.plan.covered else 4
+
+    def map(self, work: Callable[[Region, Pixels], Result]) -> Iterator[Result]:
+        """What `work` makes of each tile's region and pixels (h, w, channels), in threads; row by row."""
+
+        def whole(region: Region) -> Result:
+            return work(region, self.pixels(region))
+
+        return self.run.map(whole, tiles_of(self.crop), label="Rendering", ahead=AHEAD * self.run.threads)
+
+    def pixels(self, region: Region) -> Pixels:
+        """RGB or RGBA (h, w, channels) of a region of the canvas."""
+        pixels, mask = read_tile(self.panorama, region)
+        if self.preview:
+            self.preview.add(region, pixels)
+        return pixels if self.channels == 3 else np.dstack([pixels, mask])
+
+    def whole(self, channels: int) -> Pixels:
+        """The whole picture (h, w, channels) at once; a fourth channel that is not asked for is left out."""
+        picture = np.empty((self.crop.height, self.crop.width, channels), np.uint8)
+        for region, tile in self.map(lambda region, tile: (region, tile)):
+            picture[region.within(self.crop)] = tile[..., :channels]
+        return picture
+
+
+def tiles_of(crop: Region) -> list[Region]:
+    """The tiles of a picture. All formats have the same, so that all hold the same pixels."""
+    return crop.tiles(TILE, TILE // 2)
+
+
+def read_tile(panorama: Panorama, region: Region) -> tuple[Pixels, Pixels]:
+    """RGB (h, w, 3) and coverage (h, w), 0 or 255, of a region of the canvas."""
+    layer = panorama.read(region)
+    return np.rint(layer.pixels).clip(0, 255).astype(np.uint8), layer.mask.astype(np.uint8) * np.uint8(255)

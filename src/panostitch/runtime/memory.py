@@ -1,0 +1,46 @@
+"""How much memory a run takes, and how many threads fit below a limit."""
+
+import os
+from dataclasses import replace
+
+from panostitch.errors import LimitError
+from panostitch.runtime.executor import Executor
+
+STATM = "/proc/self/statm"
+UNKNOWN = 256 << 20  # bytes that the program itself takes, where the system does not tell
+SLACK = 1.15  # what is freed does not all go back to the system
+
+
+def resident() -> int:
+    """Bytes of memory that this process holds now."""
+    try:
+        with open(STATM) as file:
+            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, ValueError, IndexError, AttributeError):
+        return UNKNOWN
+
+
+def within(run: Executor, limit: int | None, *, each: int, besides: int = 0, hint: str = "") -> Executor:
+    """An executor with as few threads as the limit demands.
+
+    each:    bytes that a call takes while it runs
+    besides: bytes that will be held besides
+
+    Raises LimitError where the limit leaves no room for a single thread.
+    """
+    if limit is None:
+        return run
+    taken = resident()
+    threads = int((limit / SLACK - taken - besides) // max(each, 1))
+    if threads < 1:
+        needed = (taken + besides + each) * SLACK
+        raise LimitError(
+            f"{in_words(needed)} of memory are needed, --max-memory is {in_words(limit)}",
+            hint=hint or "allow more with --max-memory, or make it smaller with --scale",
+        )
+    return replace(run, threads=min(run.threads, threads))
+
+
+def in_words(count: float) -> str:
+    """A number of bytes as --max-memory takes it: 640M, 1.5G."""
+    return f"{-(-count // 2**20):.0f}M" if count < 2**30 else f"{count / 2**30:.1f}G"
