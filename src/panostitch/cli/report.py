@@ -102,7 +102,8 @@ def _say_left_out(photo: LeftOut) -> None:
 def say_panorama(panorama: Panorama, path: str) -> None:
     """What was written, in a line."""
     crop = panorama.plan.crop
-    say(f"{path}: {crop.width} x {crop.height} px, {panorama.canvas.projection}; {panorama.plan.crop_reason}")
+    canvas = panorama.canvas
+    say(f"{path}: {crop.width} x {crop.height} px, {canvas.projection} ({canvas.reason}); {panorama.plan.crop_reason}")
 
 
 def say_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -127,6 +128,7 @@ def result(alignment: Alignment, panorama: Panorama | None = None, path: str = "
             "path": path,
             "size": [crop.width, crop.height],
             "projection": panorama.canvas.projection,
+            "projection_reason": panorama.canvas.reason,
             "crop": panorama.plan.crop_reason,
             "gains": panorama.plan.gains.tolist(),
         }
