@@ -44,7 +44,7 @@ REGISTRIES = {
     "seams": (SEAMS, set()),
     "blender": (BLENDERS, set()),
     "exposure": (EXPOSURE, set()),
-    "projection": (PROJECTIONS, {"auto"}),
+    "projection": (PROJECTIONS, {"auto", "little-planet"}),
 }
 
 # Modules that take long to import; `--help` needs none of them.

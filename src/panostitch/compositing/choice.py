@@ -37,9 +37,10 @@ def choose_projection(cameras: Sequence[Camera], rays: Floats, options: LayoutOp
         return Choice("stereographic", (), "a little planet, as asked")
     parameters = (options.panini_distance,) if options.projection == "panini" else ()
     if not _shown(options.projection, parameters, rays):
+        others = "little-planet" if options.projection == "stereographic" else "auto"
         raise UsageError(
             f"--projection {options.projection} cannot show this: {_field(cameras, rays)}",
-            hint="use --projection equirectangular, which shows every view, or auto",
+            hint=f"use --projection equirectangular, which shows every view, or {others}",
         )
     return Choice(options.projection, parameters, "as asked")
 

@@ -1,4 +1,4 @@
-"""A photo on the canvas: exact coordinates on a coarse grid, enlarged, then one sampling."""
+"""A photo on the canvas: exact coordinates on a coarse grid, enlarged where they bend little, then one sampling."""
 
 from collections.abc import Sequence
 
@@ -16,6 +16,7 @@ Raster = tuple[NDArray[np.uint8], NDArray[np.uint8] | None]
 Decoded = LastUsed[tuple[Raster, Camera]]
 
 STEP = 16  # px between exact coordinates; between them a bilinear guess is off by some 0.02 px
+OFF = 0.05  # px of the photo: where the guess would be off by more, every pixel has its exact coordinates
 CHUNK = 8192  # px: OpenCV's remap takes no side of 32,767 or more
 FOOTPRINT_STEP = 8  # px of the reduced canvas
 REDUCE_BELOW = 0.75  # photos are read reduced only where the canvas is coarser than this: reducing costs sharpness
@@ -66,10 +67,14 @@ def coordinates(
     """Where (x, y, each (h, w) px of the photo) each canvas pixel is seen, and where that is known."""
     # Nodes are the centres of the canvas's 16 px blocks, one block beyond the region on each side: resize then needs
     # no extrapolation, its rule for pixel centres is ours, and the answer is the same for every region.
+    # One more block on each side tells how much the coordinates bend.
     outer = region.grown(STEP, multiple=STEP)
-    columns = np.arange(outer.x, outer.right, STEP) + (STEP - 1) / 2
-    rows = np.arange(outer.y, outer.bottom, STEP) + (STEP - 1) / 2
+    wide = outer.grown(STEP)
+    columns = np.arange(wide.x, wide.right, STEP) + (STEP - 1) / 2
+    rows = np.arange(wide.y, wide.bottom, STEP) + (STEP - 1) / 2
     nodes = _project_grid(camera, canvas, np.asarray(columns, np.float64), np.asarray(rows, np.float64))
+    bent = _bent(nodes, camera)
+    nodes = nodes[1:-1, 1:-1]
     known = np.isfinite(nodes).all(2)
     nodes[~known] = -1e4
     size, inner = (outer.width, outer.height), region.within(outer)
@@ -77,18 +82,45 @@ def coordinates(
         np.ascontiguousarray(cv2.resize(np.asarray(nodes[:, :, k], np.float32), size)[inner], np.float32)
         for k in (0, 1)
     )
-    if known.all():
-        return x, y, np.ones(x.shape, bool)
-    valid = cv2.resize(np.asarray(known, np.float32), size)[inner] > 0.999
-    return x, y, np.asarray(valid)
+    valid = np.ones(x.shape, bool)
+    if not known.all():
+        valid = np.asarray(cv2.resize(np.asarray(known, np.float32), size)[inner] > 0.999)
+    if bent.any():
+        # bilinear as well: more than nothing in all blocks that have a bent node at a corner
+        down, right = np.nonzero(cv2.resize(np.asarray(bent, np.float32), size)[inner] > 0)
+        exact = _project(camera, canvas, np.column_stack([right + region.x, down + region.y]))
+        valid[down, right] = np.isfinite(exact).all(1)
+        x[down, right], y[down, right] = np.where(valid[down, right, None], exact, -1e4).T
+    return x, y, valid
+
+
+def _bent(nodes: Floats, camera: Camera) -> NDArray[np.bool_]:
+    """Nodes, but for the outermost, about which a bilinear guess is off, or not possible, in or near the photo.
+
+    nodes: (h, w, 2) px of the photo. Half-way between two nodes the guess is off by an eighth of their second
+    difference; the two directions add up.
+    """
+    middle = nodes[1:-1, 1:-1]
+    with np.errstate(invalid="ignore"):
+        down = np.abs(nodes[:-2, 1:-1] - 2 * middle + nodes[2:, 1:-1])
+        right = np.abs(nodes[1:-1, :-2] - 2 * middle + nodes[1:-1, 2:])
+        straight = ((down + right) / 8 <= OFF).all(2)
+        size = np.array(camera.size)
+        near = ((nodes >= -size / 2) & (nodes <= 1.5 * size)).all(2)
+    around = cv2.dilate(np.asarray(near, np.uint8), np.ones((3, 3), np.uint8))[1:-1, 1:-1] > 0
+    return np.asarray(around & ~straight)
 
 
 def _project_grid(camera: Camera, canvas: Canvas, columns: Floats, rows: Floats) -> Floats:
     """Photo coordinates (h, w, 2) of canvas pixels on a grid of columns and rows; NaN where not seen."""
     x, y = np.meshgrid(columns, rows)
+    return _project(camera, canvas, np.column_stack([x.ravel(), y.ravel()])).reshape(len(rows), len(columns), 2)
+
+
+def _project(camera: Camera, canvas: Canvas, xy: Floats) -> Floats:
+    """Photo coordinates (n, 2) of canvas pixels (n, 2); NaN where not seen."""
     with np.errstate(invalid="ignore"):
-        seen = camera.project(canvas.rays(np.column_stack([x.ravel(), y.ravel()])))
-    return seen.reshape(len(rows), len(columns), 2)
+        return camera.project(canvas.rays(xy))
 
 
 def footprints(cameras: Sequence[Camera], canvas: Canvas) -> tuple[tuple[Region, ...], ...]:
