@@ -105,8 +105,30 @@ class AlignmentOptions:
 class LayoutOptions:
     """Stage 4a: the canvas."""
 
-    projection: Literal["auto", "rectilinear", "cylindrical", "equirectangular"] = option(
-        "auto", "How directions become pixels; auto goes by the field of view."
+    projection: Literal[
+        "auto",
+        "rectilinear",
+        "panini",
+        "compressed-rectilinear",
+        "cylindrical",
+        "mercator",
+        "miller",
+        "equirectangular",
+        "stereographic",
+        "little-planet",
+        "fisheye",
+        "equisolid",
+        "transverse-mercator",
+    ] = option(
+        "auto",
+        "How directions become pixels; auto goes by the field of view. Straight lines: rectilinear; wide with straight "
+        "verticals: panini, cylindrical; all around: equirectangular; looking down on it: little-planet.",
+    )
+    panini_distance: float = option(
+        1.0,
+        "How far behind the cylinder's axis panini looks at it: 0 is rectilinear, more squeezes the sides more.",
+        min=0.0,
+        max=10.0,
     )
     scale: float = option(1.0, "Size of the panorama; 1 keeps the photos' own resolution.", min=0.001, max=4.0)
     crop: Literal["auto", "full", "none"] = option(

@@ -15,6 +15,7 @@ from panostitch.compositing import lay_out
 from panostitch.compositing.warp import coordinates, read_for, warp
 from panostitch.geometry import rotation
 from panostitch.io.pto import read_pto, write_pto
+from panostitch.io.pto.canvas import NUMBERS
 from panostitch.io.readers import open_photo
 from panostitch.model.alignment import Alignment
 from panostitch.model.camera import Camera
@@ -99,7 +100,7 @@ def as_stored(xy, orientation):
     )
 
 
-@pytest.mark.parametrize("projection", ["rectilinear", "cylindrical", "equirectangular"])
+@pytest.mark.parametrize("projection", sorted(NUMBERS))
 def test_hugin_puts_pixels_where_we_do(truth, tmp_path, projection):
     canvas = lay_out(truth, LayoutOptions(projection=projection))
     path = tmp_path / "x.pto"
@@ -111,6 +112,19 @@ def test_hugin_puts_pixels_where_we_do(truth, tmp_path, projection):
         xy = in_photo(camera)
         found = transformed(path, n, as_stored(xy, ORIENTATIONS[n]))
         # a rectilinear canvas is stretched towards its edges
+        np.testing.assert_allclose(found, canvas.pixels(camera.rays(xy)), atol=4 * LENS)
+
+
+@pytest.mark.parametrize("distance", [0.3, 1.0, 2.5])
+def test_hugin_has_our_panini(truth, tmp_path, distance):
+    canvas = lay_out(truth, LayoutOptions(projection="panini", panini_distance=distance))
+    path = tmp_path / "x.pto"
+
+    write_pto(truth, str(path), canvas)
+
+    for n, camera in enumerate(truth.cameras):
+        xy = in_photo(camera)
+        found = transformed(path, n, as_stored(xy, ORIENTATIONS[n]))
         np.testing.assert_allclose(found, canvas.pixels(camera.rays(xy)), atol=4 * LENS)
 
 

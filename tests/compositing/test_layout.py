@@ -7,7 +7,9 @@ import pytest
 
 from compositing.mosaics import alignment_of, shifted
 from panostitch.compositing import lay_out
+from panostitch.compositing.view import look
 from panostitch.errors import AlignmentError, LimitError, UsageError
+from panostitch.geometry.projections import PROJECTIONS
 from panostitch.options import LayoutOptions
 from panostitch.synthetic.scene import FLAT_PLANS, PLANS, rig
 
@@ -78,9 +80,10 @@ def test_a_turn_that_closes_but_for_a_degree_does_not_wrap():
 
 CASES = [
     *((name, "auto") for name in PLANS),
-    *((name, p) for name in ("pair", "rolled", "row", "two_rows") for p in ("cylindrical", "equirectangular")),
-    ("pair", "rectilinear"),
+    *((name, p) for name in ("rolled", "row", "two_rows") for p in ("cylindrical", "equirectangular")),
     ("ring", "equirectangular"),
+    *(("pair", name) for name in PROJECTIONS),
+    *(("row", name) for name in ("panini", "mercator", "miller", "stereographic", "fisheye", "equisolid")),
 ]
 
 
@@ -103,7 +106,7 @@ def test_the_canvas_holds_every_photo(plan, projection, scale):
         assert (xy <= np.array(canvas.size) - 0.5 + EDGE).all()
 
 
-@pytest.mark.parametrize("projection", ["rectilinear", "cylindrical", "equirectangular"])
+@pytest.mark.parametrize("projection", sorted(PROJECTIONS))
 def test_the_canvas_is_no_larger_than_needed(projection):
     cameras = row(-15, 15)
 
@@ -133,6 +136,76 @@ def test_rectilinear_cannot_show_200_degrees(cameras):
     assert caught.value.exit_code == 2
     assert "rectilinear" in caught.value.message
     assert "auto" in caught.value.hint
+
+
+@pytest.mark.parametrize("name", ["panini", "compressed-rectilinear", "stereographic"])
+def test_what_cannot_show_all_around_says_what_can(name):
+    with pytest.raises(UsageError) as caught:
+        canvas_of(ring(), projection=name)
+
+    assert name in caught.value.message
+    assert "360 degrees wide" in caught.value.message
+    assert "equirectangular" in caught.value.hint
+    assert canvas_of(ring(), projection="equirectangular").wraps
+
+
+@pytest.mark.parametrize("name", ["mercator", "panini", "cylindrical"])
+def test_what_cannot_show_the_zenith(name):
+    with pytest.raises(UsageError, match="reaches 90 degrees"):
+        canvas_of(row(-30, 30, pitch=80.0), projection=name)
+
+
+@pytest.mark.parametrize("name", ["fisheye", "equisolid", "miller", "equirectangular"])
+def test_the_whole_sphere(name):
+    cameras = [*ring(), *row(0, 0, 1, pitch=85.0), *row(0, 0, 1, pitch=-85.0)]
+    focal = cameras[0].focal
+    sides = {"fisheye": (2 * np.pi, 2 * np.pi), "equisolid": (4, 4), "miller": (2 * np.pi, 4.6068)}
+
+    canvas = canvas_of(cameras, projection=name)
+
+    expected = np.array(sides.get(name, (2 * np.pi, np.pi))) * focal
+    np.testing.assert_allclose(canvas.size, expected, rtol=2 * ROUND)
+    assert canvas.wraps == (name in ("miller", "equirectangular"))
+
+
+def test_a_photo_across_the_tear_of_transverse_mercator_is_shown_whole():
+    cameras = [*row(0, 0, 1), *row(150, 150, 1)]
+
+    canvas = canvas_of(cameras, projection="transverse-mercator")
+
+    height = canvas.size[1] / canvas.scale
+    assert height == pytest.approx(2 * np.pi, abs=4 / canvas.scale)
+
+
+def test_a_little_planet_looks_down_on_a_ring():
+    options = LayoutOptions(projection="little-planet")
+    seen = look(alignment_of(ring(pitches=np.deg2rad(-20))), options)
+
+    canvas = lay_out(seen, options)
+
+    assert canvas.projection == "stereographic"
+    # the middle of the first view's horizon is straight up from the middle of the picture
+    nadir = canvas.pixels(np.array([[0.0, 0.0, 1.0]]))[0]
+    ahead = canvas.pixels(np.array([[0.0, -1.0, 0.0]]))[0]
+    np.testing.assert_allclose(nadir, (np.array(canvas.size) - 1) / 2, atol=2)
+    np.testing.assert_allclose(ahead - nadir, [0, -2 * canvas.scale], atol=1)
+
+
+def test_a_little_planet_of_the_whole_sphere_has_an_edge():
+    options = LayoutOptions(projection="little-planet")
+    cameras = [*ring(), *row(0, 0, 1, pitch=85.0), *row(0, 0, 1, pitch=-85.0)]
+
+    canvas = lay_out(look(alignment_of(cameras), options), options)
+
+    np.testing.assert_allclose(canvas.size, 4 * np.tan(np.deg2rad(60)) * canvas.scale, atol=3)
+
+
+def test_the_canvas_carries_the_distance_of_panini():
+    near, far = (canvas_of(row(-60, 60), projection="panini", panini_distance=d) for d in (1.0, 3.0))
+
+    assert near.parameters == (1.0,)
+    assert far.parameters == far.reduced(2).parameters == (3.0,)
+    assert far.size[0] < near.size[0]
 
 
 def test_cylindrical_cannot_show_the_zenith():

@@ -17,6 +17,12 @@ PLANE_EXTENT = 1.2
 # radians; a step straight ahead, whose square (1e-10) is the error of taking the projection for linear there
 STEP, STEP_ERROR = 1e-5, 1e-9
 
+# of derivatives by differences: STEP squared and the rounding of a difference, 1e-16 / STEP
+DERIVATIVE = 1e-8
+
+# Near its farthest longitude panini at a large distance turns back: there u tells the longitude to the root of 1e-16
+PANINI = 1e-7
+
 # rays this far from where a projection ends may be on either side of its end
 MARGIN = 1e-3
 
@@ -98,9 +104,141 @@ def test_known_values(longitude, latitude):
         "rectilinear": (np.tan(longitude), np.tan(latitude) / np.cos(longitude)),
         "cylindrical": (longitude, np.tan(latitude)),
         "equirectangular": (longitude, latitude),
+        "mercator": (longitude, np.log(np.tan(np.pi / 4 + latitude / 2))),
+        "miller": (longitude, 1.25 * np.log(np.tan(np.pi / 4 + 0.4 * latitude))),
+        "compressed-rectilinear": (2 * np.tan(longitude / 2), np.tan(latitude) / np.cos(longitude)),
+        "panini": (2 * np.tan(longitude / 2), 2 * np.tan(latitude) / (1 + np.cos(longitude))),
+        "transverse-mercator": (
+            np.arctanh(np.cos(latitude) * np.sin(longitude)),
+            np.arctan2(np.tan(latitude), np.cos(longitude)),
+        ),
     }
     for name, plane in expected.items():
         np.testing.assert_allclose(PROJECTIONS[name].forward(ray), [plane], rtol=0, atol=UNIT, err_msg=name)
+
+
+RADII = {
+    "rectilinear": np.tan,
+    "stereographic": lambda theta: 2 * np.tan(theta / 2),
+    "fisheye": lambda theta: theta,
+    "equisolid": lambda theta: 2 * np.sin(theta / 2),
+}
+
+
+@pytest.mark.parametrize("name", RADII)
+@pytest.mark.parametrize("theta", [0.1, 0.8, 1.5])
+def test_distance_from_the_middle_goes_by_the_angle_from_straight_ahead(name, theta):
+    turn = np.linspace(0, 2 * np.pi, 13)
+    towards = np.column_stack([np.cos(turn), np.sin(turn)])
+    rays = np.column_stack([np.sin(theta) * towards, np.full(len(turn), np.cos(theta))])
+
+    np.testing.assert_allclose(PROJECTIONS[name].forward(rays), RADII[name](theta) * towards, rtol=0, atol=10 * UNIT)
+
+
+def stretch(projection, rays):
+    """Derivatives (n, 2, 2) of the plane by steps to the right and down along the unit sphere."""
+    right = np.column_stack([rays[:, 2], np.zeros(len(rays)), -rays[:, 0]])
+    right /= np.linalg.norm(right, axis=1, keepdims=True)
+    sides = (right, np.cross(rays, right))
+    steps = [(projection.forward(rays + h) - projection.forward(rays - h)) / (2 * STEP) for h in np.array(sides) * STEP]
+    return np.stack(steps, axis=2)
+
+
+@pytest.fixture
+def ahead(rays):
+    """Those within about 66 degrees of straight ahead."""
+    return rays[rays[:, 2] > 0.4]
+
+
+@pytest.mark.parametrize("name", ["mercator", "stereographic", "transverse-mercator"])
+def test_conformal_projections_keep_shapes(name, ahead):
+    (a, b), (c, d) = np.moveaxis(stretch(PROJECTIONS[name], ahead), 0, 2)
+
+    # a turn times a scale
+    np.testing.assert_allclose(a, d, rtol=0, atol=DERIVATIVE * np.abs(a).max())
+    np.testing.assert_allclose(b, -c, rtol=0, atol=DERIVATIVE * np.abs(a).max())
+
+
+def test_equisolid_keeps_areas(ahead):
+    np.testing.assert_allclose(np.linalg.det(stretch(PROJECTIONS["equisolid"], ahead)), 1, rtol=0, atol=DERIVATIVE)
+
+
+@pytest.mark.parametrize("mirror", [[-1, 1, 1], [1, -1, 1]])
+def test_left_is_the_mirror_of_right_and_up_of_down(projection, rays, mirror):
+    np.testing.assert_allclose(
+        projection.forward(rays * mirror), projection.forward(rays) * mirror[:2], rtol=RELATIVE, atol=UNIT
+    )
+
+
+def test_straight_verticals(rng):
+    """Points on a vertical line of the world have one u."""
+    foot, height = rng.uniform(-1, 1, 50), rng.uniform(-2, 2, 50)
+    rays = np.column_stack([foot, height, np.ones(50)])
+    level = np.column_stack([foot, np.zeros(50), np.ones(50)])
+
+    for name in ("rectilinear", "panini", "compressed-rectilinear", "cylindrical", "mercator", "miller"):
+        u = PROJECTIONS[name].forward(rays)[:, 0]
+        np.testing.assert_allclose(u, PROJECTIONS[name].forward(level)[:, 0], rtol=0, atol=UNIT, err_msg=name)
+
+
+@pytest.mark.parametrize("distance", [0.0, 0.4, 1.0, 1.7, 10.0])
+def test_panini_at_any_distance(rays, distance):
+    panini = PROJECTIONS["panini"]
+    plane = panini.forward(rays, distance)
+    shown = np.isfinite(plane).all(1)
+    assert shown.mean() > LEAST_SHOWN
+
+    back = panini.inverse(plane[shown], distance)
+
+    back /= np.linalg.norm(back, axis=1, keepdims=True)
+    np.testing.assert_allclose(back, rays[shown], rtol=0, atol=PANINI)
+
+
+def test_panini_without_distance_is_rectilinear(rays):
+    np.testing.assert_allclose(
+        PROJECTIONS["panini"].forward(rays, 0.0), PROJECTIONS["rectilinear"].forward(rays), rtol=RELATIVE
+    )
+
+
+def test_lines_through_the_middle_stay_straight_in_panini():
+    rays = np.column_stack([np.linspace(-3, 3, 31), 0.4 * np.linspace(-3, 3, 31), np.ones(31)])
+    u, v = PROJECTIONS["panini"].forward(rays).T
+
+    np.testing.assert_allclose(v, 0.4 * u, rtol=0, atol=UNIT)
+
+
+# where a projection has no answer: its name and the rays
+ENDS = {
+    "rectilinear": [[0, 0, -1.0], [1, 0, 0]],
+    "compressed-rectilinear": [[0, 0, -1.0], [1, 0, 0]],
+    "cylindrical": [[0, 1.0, 0]],
+    "mercator": [[0, 1.0, 0], [0, -1, 0]],
+    "stereographic": [[0, 0, -1.0]],
+    "panini": [[0, 0, -1.0], [0, 1, 0]],
+    "transverse-mercator": [[1.0, 0, 0], [-1, 0, 0]],
+}
+# the whole sphere ends at: plane coordinates beyond which there is nothing
+EDGES = {
+    "miller": (0.3, 2.3034125433763912),
+    "fisheye": (np.pi, 0.0),
+    "equisolid": (0.0, 2.0),
+    "compressed-rectilinear": (2.0, 0.1),
+    "transverse-mercator": (0.2, np.pi),
+}
+
+
+@pytest.mark.parametrize("name", ENDS)
+def test_where_a_projection_has_no_answer(name):
+    assert np.isnan(PROJECTIONS[name].forward(np.array(ENDS[name]))).any(1).all()
+
+
+@pytest.mark.parametrize("name", EDGES)
+def test_beyond_its_edge_there_is_nothing(name):
+    edge = np.array(EDGES[name])
+    out = edge * [edge[0] >= 1, edge[1] >= 1] * MARGIN
+
+    assert np.isfinite(PROJECTIONS[name].inverse(edge[None] - out)).all()
+    assert np.isnan(PROJECTIONS[name].inverse(edge[None] + out)).any()
 
 
 @pytest.mark.parametrize("longitude", [-3.0, -2.0, 2.0, 3.0])

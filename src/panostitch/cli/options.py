@@ -12,6 +12,8 @@ from panostitch.options import Options
 
 Command = Callable[..., Any]
 
+LONGEST_CHOICES = 60  # characters that fit a terminal beside the option's name; longer lists stand in its help
+
 
 def every_stage(command: Command) -> Command:
     """Decorate a command with the options of all stages."""
@@ -43,14 +45,17 @@ def stage_options(*stages: type) -> Callable[[Command], Command]:
 def _click_option(field: "dataclasses.Field[Any]") -> Callable[[Command], Command]:
     name = "--" + field.name.replace("_", "-")
     kind: Any = field.type
+    text, metavar = field.metadata["help"], None
     low, high = field.metadata["min"], field.metadata["max"]
     if isinstance(kind, UnionType):  # a value or None
         kind = next(choice for choice in get_args(kind) if choice is not type(None))
     if get_origin(kind) is Literal:
         kind = click.Choice([str(choice) for choice in get_args(kind)])
+        if len("|".join(kind.choices)) > LONGEST_CHOICES:
+            text, metavar = f"{text} One of: {', '.join(kind.choices)}.", "NAME"
     elif kind in (int, float) and low is not None:
         kind = (click.IntRange if kind is int else FiniteRange)(low, high)
-    return click.option(name, type=kind, default=field.default, show_default=True, help=field.metadata["help"])
+    return click.option(name, type=kind, metavar=metavar, default=field.default, show_default=True, help=text)
 
 
 def run_options(command: Command) -> Command:

@@ -102,7 +102,8 @@ def _say_left_out(photo: LeftOut) -> None:
 def say_panorama(panorama: Panorama, path: str) -> None:
     """What was written, and what became of the light, a line each."""
     crop = panorama.plan.crop
-    say(f"{path}: {crop.width} x {crop.height} px, {panorama.canvas.projection}; {panorama.plan.crop_reason}")
+    canvas = panorama.canvas
+    say(f"{path}: {crop.width} x {crop.height} px, {canvas.projection} ({canvas.reason}); {panorama.plan.crop_reason}")
     say(f"exposure: {panorama.plan.light.reason}")
 
 
@@ -128,6 +129,7 @@ def result(alignment: Alignment, panorama: Panorama | None = None, path: str = "
             "path": path,
             "size": [crop.width, crop.height],
             "projection": panorama.canvas.projection,
+            "projection_reason": panorama.canvas.reason,
             "crop": panorama.plan.crop_reason,
             "gains": light.brightness.tolist(),
             "channel_gains": light.gains.tolist(),

@@ -32,6 +32,7 @@ def command(photos: tuple[str, ...], output: str, save_project: str | None, pto:
     if pto:
         writers.check_output(pto, overwrite=given["overwrite"], inputs=inputs, extensions=[hugin.EXTENSION])
         hugin.check_photos(opened)
+        hugin.check_projection(options.layout.projection)
     with debug_trace(given) as trace:
         alignment = pipeline.align(opened, options, run=run, trace=trace)
         if not given["quiet"]:

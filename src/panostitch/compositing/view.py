@@ -1,4 +1,4 @@
-"""Another view of an alignment: turned right, up or clockwise, or with a chosen photo in the middle."""
+"""Another view of an alignment: turned right, up or clockwise, with a chosen photo in the middle, or from above."""
 
 from dataclasses import replace
 from difflib import get_close_matches
@@ -21,9 +21,10 @@ def look(alignment: Alignment, options: LayoutOptions) -> Alignment:
 
     Raises UsageError for a photo that is not in it, and for turns that a flat subject does not have.
     """
-    if not (options.yaw or options.pitch or options.roll or options.center_on is not None):
+    planet = options.projection == "little-planet" and alignment.model == "rotation"
+    if not (options.yaw or options.pitch or options.roll or options.center_on is not None or planet):
         return alignment
-    yaw, pitch, roll = np.deg2rad([options.yaw, options.pitch, options.roll])
+    yaw, pitch, roll = np.deg2rad([options.yaw, options.pitch - 90 * planet, options.roll])
     if alignment.model != "rotation":
         _only_roll(options)
     if options.center_on is not None:

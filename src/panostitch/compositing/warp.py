@@ -1,4 +1,4 @@
-"""A photo on the canvas: exact coordinates on a coarse grid, enlarged, then one sampling."""
+"""A photo on the canvas: exact coordinates on a coarse grid, enlarged where they bend little, then one sampling."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,6 +17,7 @@ Raster = tuple[NDArray[np.uint8], NDArray[np.uint8] | None]
 Decoded = LastUsed[tuple[Raster, Camera]]
 
 STEP = 16  # px between exact coordinates; between them a bilinear guess is off by some 0.02 px
+OFF = 0.05  # px of the photo: where the guess would be off by more, every pixel has its exact coordinates
 CHUNK = 8192  # px: OpenCV's remap takes no side of 32,767 or more
 FOOTPRINT_STEP = 8  # px of the reduced canvas
 REDUCE_BELOW = 0.75  # photos are read reduced only where the canvas is coarser than this: reducing costs sharpness
@@ -68,9 +69,16 @@ def coordinates(
     grid = blocks(camera, canvas, region)
     seen = np.where(grid.known[..., None], grid.seen, -1e4)
     x, y = (grid.enlarged(np.asarray(seen[:, :, k], np.float32)) for k in (0, 1))
-    if grid.known.all():
-        return x, y, np.ones(x.shape, bool)
-    return x, y, np.asarray(grid.enlarged(np.asarray(grid.known, np.float32)) > 0.999)
+    valid = np.ones(x.shape, bool)
+    if not grid.known.all():
+        valid = np.asarray(grid.enlarged(np.asarray(grid.known, np.float32)) > 0.999)
+    if grid.bent.any():
+        # bilinear as well: more than nothing in all blocks that have a bent node at a corner
+        down, right = np.nonzero(grid.enlarged(np.asarray(grid.bent, np.float32)) > 0)
+        exact = _project(camera, canvas, np.column_stack([right + region.x, down + region.y]))
+        valid[down, right] = np.isfinite(exact).all(1)
+        x[down, right], y[down, right] = np.where(valid[down, right, None], exact, -1e4).T
+    return x, y, valid
 
 
 @dataclass(frozen=True)
@@ -84,12 +92,14 @@ class Blocks:
     outer:  what the blocks cover
     seen:   (h, w, 2) px of the photo
     known:  (h, w) where they are finite
+    bent:   (h, w) about which bilinear guesses are off
     """
 
     region: Region
     outer: Region
     seen: Floats
     known: NDArray[np.bool_]
+    bent: NDArray[np.bool_]
 
     def enlarged(self, nodes: NDArray[np.float32]) -> NDArray[np.float32]:
         """Values at the nodes (h, w) as values of the region's pixels, bilinear."""
@@ -100,18 +110,41 @@ class Blocks:
 def blocks(camera: Camera, canvas: Canvas, region: Region) -> Blocks:
     """Exact coordinates of a photo at the nodes over a region of the canvas."""
     outer = region.grown(STEP, multiple=STEP)
-    columns = np.arange(outer.x, outer.right, STEP) + (STEP - 1) / 2
-    rows = np.arange(outer.y, outer.bottom, STEP) + (STEP - 1) / 2
-    seen = _project_grid(camera, canvas, np.asarray(columns, np.float64), np.asarray(rows, np.float64))
-    return Blocks(region, outer, seen, np.asarray(np.isfinite(seen).all(2)))
+    wide = outer.grown(STEP)  # one more block on each side tells how much the coordinates bend
+    columns = np.arange(wide.x, wide.right, STEP) + (STEP - 1) / 2
+    rows = np.arange(wide.y, wide.bottom, STEP) + (STEP - 1) / 2
+    nodes = _project_grid(camera, canvas, np.asarray(columns, np.float64), np.asarray(rows, np.float64))
+    seen = nodes[1:-1, 1:-1]
+    return Blocks(region, outer, seen, np.asarray(np.isfinite(seen).all(2)), _bent(nodes, camera))
+
+
+def _bent(nodes: Floats, camera: Camera) -> NDArray[np.bool_]:
+    """Nodes, but for the outermost, about which a bilinear guess is off, or not possible, in or near the photo.
+
+    nodes: (h, w, 2) px of the photo. Half-way between two nodes the guess is off by an eighth of their second
+    difference; the two directions add up.
+    """
+    middle = nodes[1:-1, 1:-1]
+    with np.errstate(invalid="ignore"):
+        down = np.abs(nodes[:-2, 1:-1] - 2 * middle + nodes[2:, 1:-1])
+        right = np.abs(nodes[1:-1, :-2] - 2 * middle + nodes[1:-1, 2:])
+        straight = ((down + right) / 8 <= OFF).all(2)
+        size = np.array(camera.size)
+        near = ((nodes >= -size / 2) & (nodes <= 1.5 * size)).all(2)
+    around = cv2.dilate(np.asarray(near, np.uint8), np.ones((3, 3), np.uint8))[1:-1, 1:-1] > 0
+    return np.asarray(around & ~straight)
 
 
 def _project_grid(camera: Camera, canvas: Canvas, columns: Floats, rows: Floats) -> Floats:
     """Photo coordinates (h, w, 2) of canvas pixels on a grid of columns and rows; NaN where not seen."""
     x, y = np.meshgrid(columns, rows)
+    return _project(camera, canvas, np.column_stack([x.ravel(), y.ravel()])).reshape(len(rows), len(columns), 2)
+
+
+def _project(camera: Camera, canvas: Canvas, xy: Floats) -> Floats:
+    """Photo coordinates (n, 2) of canvas pixels (n, 2); NaN where not seen."""
     with np.errstate(invalid="ignore"):
-        seen = camera.project(canvas.rays(np.column_stack([x.ravel(), y.ravel()])))
-    return seen.reshape(len(rows), len(columns), 2)
+        return camera.project(canvas.rays(xy))
 
 
 def footprints(cameras: Sequence[Camera], canvas: Canvas) -> tuple[tuple[Region, ...], ...]:

@@ -1,6 +1,6 @@
 """The canvas: where rays of the world become pixels of the panorama."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,6 +87,8 @@ class Canvas:
     origin:     plane coordinates, times scale, of the centre of pixel (0, 0)
     size:       (width, height) px
     wraps:      the right edge continues at the left edge: a closed full turn
+    parameters: those of the projection; empty for its defaults
+    reason:     why this projection, in words
     """
 
     projection: str
@@ -94,6 +96,8 @@ class Canvas:
     origin: tuple[float, float]
     size: tuple[int, int]
     wraps: bool = False
+    parameters: tuple[float, ...] = ()
+    reason: str = field(default="", compare=False)
 
     @property
     def region(self) -> Region:
@@ -102,7 +106,7 @@ class Canvas:
 
     def rays(self, xy: Floats) -> Floats:
         """Canvas pixels (n, 2) to rays (n, 3); NaN where the projection shows nothing."""
-        return PROJECTIONS[self.projection].inverse((xy + self.origin) / self.scale)
+        return PROJECTIONS[self.projection].inverse((xy + self.origin) / self.scale, *self.parameters)
 
     def pixels(self, rays: Floats) -> Floats:
         """Rays (n, 3) to canvas pixels (n, 2); NaN where the projection does not show them.
@@ -110,7 +114,7 @@ class Canvas:
         Of the columns that a full turn apart show the same ray, the first one right of the left edge is meant.
         """
         projection = PROJECTIONS[self.projection]
-        xy = projection.forward(rays) * self.scale - self.origin
+        xy = projection.forward(rays, *self.parameters) * self.scale - self.origin
         if projection.period:
             xy[:, 0] = (xy[:, 0] + 0.5) % (projection.period * self.scale) - 0.5
         return xy
@@ -126,7 +130,7 @@ class Canvas:
         # the centre of the reduced pixel (0, 0) lies at this pixel of the full canvas
         first = rescale(np.zeros(2), float(factor))
         x, y = (first + self.origin) / factor
-        return Canvas(self.projection, self.scale / factor, (float(x), float(y)), (width, height), self.wraps)
+        return replace(self, scale=self.scale / factor, origin=(float(x), float(y)), size=(width, height))
 
 
 @dataclass(frozen=True)

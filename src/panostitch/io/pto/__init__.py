@@ -7,6 +7,7 @@ pixel there as well, the middle of a picture is ((w - 1) / 2, (h - 1) / 2), and 
 pixels: EXIF orientation is not applied.
 """
 
+from panostitch.io.pto.canvas import check_projection as check_projection
 from panostitch.io.pto.reading import read_pto as read_pto
 from panostitch.io.pto.writing import Exactness as Exactness
 from panostitch.io.pto.writing import check_photos as check_photos

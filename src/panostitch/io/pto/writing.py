@@ -208,8 +208,10 @@ def _head(panorama: HuginCanvas, exactness: Exactness) -> Iterator[str]:
     yield f"# written by panostitch; {exactness}"
     if exactness.poor:
         yield f"# this is worse than {POOR} px: Hugin's panorama will differ visibly"
+    words = " ".join(map(_number, panorama.parameters))
+    parameters = f'P"{words}" ' if words else ""
     yield (
-        f"p f{panorama.projection} w{width} h{height} v{_number(panorama.hfov)} k0 E0 R0 "
+        f"p f{panorama.projection} w{width} h{height} v{_number(panorama.hfov)} k0 E0 R0 {parameters}"
         f'S{crop.x},{crop.right},{crop.y},{crop.bottom} n"TIFF_m c:LZW r:CROP"'
     )
     yield "m i0"
