@@ -193,11 +193,11 @@ def test_an_interruption_in_the_middle_leaves_the_old_file(name, tmp_path):
 
 
 SLOWLY = """
-import sys, time
+import os, sys, time
 sys.path[:0] = [{tests!r}]
 from test_streams import Region, computed, panorama_of, write
 def slowly(region):
-    print("tile", flush=True)
+    os.write(1, b"tile" + os.linesep.encode())  # at once: print writes a line and its end apart, and threads mix them
     time.sleep(0.05)
     return computed(region)
 write({path!r}, panorama_of(Region(0, 0, 2000, 40_000), read=slowly), pyramid="full")
