@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import splu
 
+from panostitch.alignment import loss
 from panostitch.geometry import rotation
 
 Floats = NDArray[np.float64]
@@ -37,12 +38,12 @@ def averaged(
     for _ in range(STEPS):
         # from the world by way of camera i to camera j, and straight back
         error = _vectors(found[j].transpose(0, 2, 1) @ measured @ found[i])
-        weight = given / (1 + (error**2).sum(1) / TOLERATED**2)
+        weight = given * loss.weight((error**2).sum(1), TOLERATED)
         step = _shared(len(turns), i, j, error, weight)
-        found = np.array([turn @ rotation.exp(s) for turn, s in zip(found, step, strict=True)])
+        found = found @ rotation.exp(step)
         if np.abs(step).max() < ARRIVED:
             break
-    return [rotation.nearest(turn) for turn in found]
+    return list(rotation.nearest(found))
 
 
 def _shared(count: int, i: NDArray[np.intp], j: NDArray[np.intp], error: Floats, weight: Floats) -> Floats:

@@ -15,7 +15,8 @@ from panostitch.alignment import loss
 from panostitch.alignment.levenberg import minimise
 from panostitch.alignment.residuals import arrays_of, cameras_of
 from panostitch.alignment.turning_problem import turning_problem
-from panostitch.alignment.unknowns import Freedom, Unknowns, orthonormal
+from panostitch.alignment.unknowns import Freedom, Unknowns
+from panostitch.geometry import rotation
 from panostitch.model.alignment import Uncertainty
 from panostitch.model.camera import Camera
 from panostitch.model.match import ControlPoints
@@ -51,7 +52,9 @@ def adjust(
     """
     problem = turning_problem(cameras, observations, freedom, loss_scale)
     found, cost = minimise(arrays_of(cameras), problem, max_steps=max_steps, tolerance=tolerance)
-    return Solution(cameras_of(replace(found, turns=orthonormal(found.turns)), cameras), cost)
+    # many steps have taken the turns from being exactly orthonormal
+    turns = rotation.nearest(found.turns.transpose(2, 0, 1)).transpose(1, 2, 0)
+    return Solution(cameras_of(replace(found, turns=turns), cameras), cost)
 
 
 def standard_errors(

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from panostitch.alignment.residuals import BEHIND
+from panostitch.alignment.residuals import BEHIND, arrays_of, in_a_row
 from panostitch.geometry import lens
 from panostitch.model.camera import Camera
 from panostitch.model.match import ControlPoints
@@ -15,21 +15,20 @@ Floats = NDArray[np.float64]
 
 def distances(cameras: Sequence[Camera], points: Sequence[ControlPoints]) -> list[Floats]:
     """Distance (n,) px in photo j of the control points of each pair; BEHIND where photo j does not see them."""
-    if not points:
-        return []
     counts = [len(pair) for pair in points]
-    i, j = (np.array(numbers, np.intp) for numbers in zip(*((pair.i, pair.j) for pair in points), strict=True))
+    if not sum(counts):
+        return [np.zeros(0) for _ in points]
     # as Camera.rays and Camera.project, which take one camera at a time
-    focal, x, y, k1, k2 = np.array([(c.focal, *c.centre, c.k1, c.k2) for c in cameras]).T
-    centre = np.column_stack([x, y])
-    world = np.array([camera.cam_from_world for camera in cameras])
-    there_from_here = np.repeat(world[j] @ np.linalg.inv(world)[i], counts, axis=0)
-    i, j = np.repeat(i, counts), np.repeat(j, counts)
-    here = (np.vstack([pair.xy_i for pair in points]) - centre[i]) / focal[i, None]
-    ray = np.column_stack([lens.undistort(here, k1[i], k2[i]), np.ones(len(i))])
-    local = (there_from_here @ ray[:, :, None])[:, :, 0]
+    matches, arrays = in_a_row(points), arrays_of(cameras)
+    lens_i, lens_j = arrays.lenses.of(matches.i), arrays.lenses.of(matches.j)
+    world = arrays.turns.transpose(2, 0, 1)
+    first = matches.bounds[:-1]
+    pairs = world[matches.j[first]] @ np.linalg.inv(world)[matches.i[first]]
+    here = ((matches.xy_i - lens_i.centre) / lens_i.focal).T
+    ray = np.column_stack([lens.undistort(here, lens_i.k1, lens_i.k2), np.ones(len(here))])
+    local = (np.repeat(pairs, np.diff(matches.bounds), axis=0) @ ray[:, :, None])[:, :, 0]
     with np.errstate(invalid="ignore"):
         ideal = local[:, :2] / np.where(local[:, 2:] > 1e-9, local[:, 2:], np.nan)
-        there = lens.distort(ideal, k1[j], k2[j]) * focal[j, None] + centre[j]
-    off = np.linalg.norm(there - np.vstack([pair.xy_j for pair in points]), axis=1)
+        there = lens.distort(ideal, lens_j.k1, lens_j.k2).T * lens_j.focal + lens_j.centre
+    off = np.linalg.norm(there - matches.xy_j, axis=0)
     return np.split(np.nan_to_num(off, nan=BEHIND), np.cumsum(counts)[:-1])

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from panostitch.alignment import loss
 from panostitch.alignment.normal_equations import FIXED, Equations, Pattern, assembled, pair_products, pattern
-from panostitch.alignment.precision import whitened, whitening
+from panostitch.alignment.precision import squares, whitened, whitening
 from panostitch.alignment.residuals import BEHIND, Matches, in_a_row
 from panostitch.model.match import ControlPoints
 
@@ -114,11 +114,11 @@ class PlanarProblem:
         moves = view.j_from_i[:2] - view.arrived[:, None] * view.j_from_i[2]
         by_point = moves * (np.where(view.seen, self._px(self.matches.j), 0.0) / view.depth)
         factor = whitening(by_point[:, :2] / self._px(self.matches.i))
-        return Slopes(by_point, factor, loss.noise((whitened(factor, view.value) ** 2).sum(0), self.loss_scale))
+        return Slopes(by_point, factor, loss.noise(squares(factor, view.value), self.loss_scale))
 
     def squares(self, view: PlanarView, slopes: Slopes) -> Floats:
         """Squared lengths (m,) px^2 of the whitened residuals."""
-        return np.asarray((whitened(slopes.factor, view.value) ** 2).sum(0))
+        return squares(slopes.factor, view.value)
 
     def cost(self, view: PlanarView, slopes: Slopes) -> float:
         """The loss of the matches and of the perspective."""

@@ -25,6 +25,11 @@ def whitening(stretch: Floats) -> Floats:
     return np.stack([first, -b / a * second, second])
 
 
+def squares(factor: Floats, value: Floats) -> Floats:
+    """Squared lengths (m,) of residuals (2, m) multiplied by the factor."""
+    return np.asarray((whitened(factor, value) ** 2).sum(0))
+
+
 def whitened(factor: Floats, vectors: Floats) -> Floats:
     """Vectors (2, m), or (2, c, m) for c of each match, multiplied by the factor."""
     result = np.empty(vectors.shape)

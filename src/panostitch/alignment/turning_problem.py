@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from panostitch.alignment import loss, residuals
 from panostitch.alignment.normal_equations import Equations, Pattern, assembled, pair_products, pattern
-from panostitch.alignment.precision import whitened, whitening
+from panostitch.alignment.precision import squares, whitened, whitening
 from panostitch.alignment.residuals import CameraArrays, Matches, Tangent, View, by_lens, by_turn, in_a_row
 from panostitch.alignment.unknowns import Freedom, Unknowns, moved, unknowns
 from panostitch.model.camera import Camera
@@ -74,11 +74,11 @@ class TurningProblem:
         """The first derivatives."""
         tangent = residuals.tangent(view)
         factor = whitening(tangent.by_point)
-        return Slopes(tangent, factor, loss.noise((whitened(factor, view.value) ** 2).sum(0), self.loss_scale))
+        return Slopes(tangent, factor, loss.noise(squares(factor, view.value), self.loss_scale))
 
     def squares(self, view: View, slopes: Slopes) -> Floats:
         """Squared lengths (m,) px^2 of the whitened residuals."""
-        return np.asarray((whitened(slopes.factor, view.value) ** 2).sum(0))
+        return squares(slopes.factor, view.value)
 
     def cost(self, view: View, slopes: Slopes) -> float:
         """The loss of the matches and of the principal points."""

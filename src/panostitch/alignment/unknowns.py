@@ -98,23 +98,7 @@ def moved(cameras: CameraArrays, places: Unknowns, step: Floats) -> CameraArrays
     if max(np.abs(change[0]).max() / LENS_STEP_LIMIT, np.abs(k1).max() / MAX_K1, np.abs(k2).max() / MAX_K2) > 1:
         return None
     vectors = np.append(step, 0.0)[places.turns]  # FIXED is the last entry
-    turns = np.matmul(cameras.turns.transpose(2, 0, 1), _rotations(vectors)).transpose(1, 2, 0)
+    turns = np.matmul(cameras.turns.transpose(2, 0, 1), rotation.exp(vectors)).transpose(1, 2, 0)
     return CameraArrays(
         np.ascontiguousarray(turns), replace(lenses, focal=lenses.focal * (1 + change[0]), centre=centre, k1=k1, k2=k2)
     )
-
-
-def _rotations(vectors: Floats) -> Floats:
-    """Rotations (n, 3, 3) by these rotation vectors (n, 3): Rodrigues' formula, as in geometry.rotation."""
-    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
-    k = rotation.cross_matrix(vectors)
-    # sinc forms stay exact where the angle is zero
-    return np.asarray(
-        np.eye(3) + np.sinc(angle / np.pi) * k + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * np.matmul(k, k)
-    )
-
-
-def orthonormal(turns: Floats) -> Floats:
-    """The rotations (3, 3, n) nearest to matrices that many steps have taken from being exactly orthonormal."""
-    u, _, vt = np.linalg.svd(turns.transpose(2, 0, 1))
-    return np.asarray(np.matmul(u, vt).transpose(1, 2, 0))

@@ -24,7 +24,7 @@ def compose(
 ) -> Layer:
     """The pixels of a region of the canvas. The same pixels come out however the canvas is cut into regions."""
     blender = BLENDERS[options.blender]
-    tile = region.grown(blender.reach(plan.factor) * plan.factor, multiple=plan.factor)
+    tile = with_halo(plan, options, region)
     pieces = _pieces(alignment, canvas, plan, decoded, tile)
     composite, covered = hard_composite(pieces, (tile.height, tile.width))
     changes = [_change(plan, canvas, piece.photo, tile) for piece in pieces]
@@ -32,6 +32,11 @@ def compose(
     inner = region.within(tile)
     mask = covered[inner]
     return Layer(region, np.where(mask[..., None], blended[inner], 0).astype(np.float32), mask)
+
+
+def with_halo(plan: Plan, options: CompositingOptions, region: Region) -> Region:
+    """What must be made so that a region comes out as it does from the whole canvas."""
+    return region.grown(BLENDERS[options.blender].reach(plan.factor) * plan.factor, multiple=plan.factor)
 
 
 def _pieces(alignment: Alignment, canvas: Canvas, plan: Plan, decoded: Decoded, tile: Region) -> list[Piece]:

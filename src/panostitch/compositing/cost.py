@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from panostitch.compositing.blend import BLENDERS
-from panostitch.compositing.compose import label_rectangle
+from panostitch.compositing.compose import label_rectangle, with_halo
 from panostitch.compositing.warp import CACHE_BYTES
 from panostitch.model.canvas import Canvas, Region
 from panostitch.model.panorama import Plan
@@ -22,8 +21,7 @@ SHARE = 0.25  # of the memory that is left: for photos that are kept
 
 def tile_bytes(photos: Sequence[Photo], canvas: Canvas, plan: Plan, options: CompositingOptions, region: Region) -> int:
     """Bytes that `compose` takes for a region while it works."""
-    reach = BLENDERS[options.blender].reach(plan.factor)
-    tile = region.grown(reach * plan.factor, multiple=plan.factor)
+    tile = with_halo(plan, options, region)
     count = len(np.unique(label_rectangle(plan, canvas, tile)))
     return tile.area * (TILE_PIXEL + PHOTO_PIXEL * count) + decoding_bytes(photos)
 

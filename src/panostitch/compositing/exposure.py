@@ -85,13 +85,11 @@ def _explained(overlaps: Overlaps, lenses: Sequence[int], half: bool) -> float:
 
 def _colour_pays(overlaps: Overlaps, fitted: Fit) -> tuple[bool, str]:
     """Whether channels differ by more than one gain can mend, consistently; and by how much."""
-    starts = np.flatnonzero(np.diff(overlaps.pair, prepend=-1))
-    ends = [*starts[1:], len(overlaps)]
-    sizes = []
+    pairs, sizes = overlaps.pairs, []
     for logs in (overlaps.logs, photometry.residuals(overlaps, fitted.logs)):
         colours = logs - logs.mean(1, keepdims=True)
-        medians = np.array([np.median(colours[a:b], axis=0) for a, b in zip(starts, ends, strict=True)])
-        shares = np.array([overlaps.share[a:b].sum() for a, b in zip(starts, ends, strict=True)])
+        medians = np.array([np.median(colours[cells], axis=0) for cells in pairs])
+        shares = np.array([overlaps.share[cells].sum() for cells in pairs])
         sizes.append(float(np.sqrt(np.average((medians**2).mean(1), weights=shares))))
     before, after = sizes
     told = f"colours differ by {before:.1%} between photos, {after:.1%} with a gain for each channel"

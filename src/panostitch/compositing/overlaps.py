@@ -46,6 +46,12 @@ class Overlaps:
     def __len__(self) -> int:
         return len(self.pair)
 
+    @property
+    def pairs(self) -> list[slice]:
+        """The cells of each pair."""
+        starts = np.flatnonzero(np.diff(self.pair, prepend=-1))
+        return [slice(start, end) for start, end in zip(starts, [*starts[1:], len(self)], strict=True)]
+
     def where(self, chosen: NDArray[np.bool_]) -> "Overlaps":
         """Some of the cells."""
         return Overlaps(**{name: array[chosen] for name, array in vars(self).items()})

@@ -77,9 +77,8 @@ def differences(overlaps: Overlaps, lenses: Sequence[int]) -> Floats:
 def without_offsets(overlaps: Overlaps, errors: Floats) -> Floats:
     """Errors (m, ...) less the median of each pair: what no gain explains."""
     centred = errors.copy()
-    starts = np.flatnonzero(np.diff(overlaps.pair, prepend=-1))
-    for start, end in zip(starts, [*starts[1:], len(overlaps)], strict=True):
-        centred[start:end] -= np.median(centred[start:end], axis=0)
+    for cells in overlaps.pairs:
+        centred[cells] -= np.median(centred[cells], axis=0)
     return centred
 
 
@@ -93,27 +92,26 @@ def _robust(errors: Floats) -> Floats:
 def _solve(overlaps: Overlaps, count: int, falls: Floats, weights: Floats) -> Fit:
     """Least squares with these weights: the gains eliminated, then the coefficients, none of them below 0."""
     weight = weights * overlaps.share / RATIO_SPREAD**2
+    graph = _graph(overlaps, count, weight)
     coefficients = np.zeros(falls.shape[1])
     if falls.shape[1]:
-        solver = np.linalg.inv(_graph(overlaps, count, weight) + np.eye(count) / GAIN_SPREAD**2)
+        solver = np.linalg.inv(graph + np.eye(count) / GAIN_SPREAD**2)
         mean, weighted = overlaps.logs.mean(1), falls * weight[:, None]
         cross = _into_photos(overlaps, count, weighted)
         square = falls.T @ weighted - cross.T @ solver @ cross + np.eye(falls.shape[1]) / FALL_OFF_SPREAD**2
         pull = cross.T @ solver @ _into_photos(overlaps, count, (mean * weight)[:, None])[:, 0] - weighted.T @ mean
         coefficients = _not_negative(square, pull)
-    logs = _gains(overlaps, count, falls @ coefficients, weights)
+    right = _into_photos(overlaps, count, (overlaps.logs + (falls @ coefficients)[:, None]) * weight[:, None])
+    logs = _gains(graph, right)
     return Fit(logs, coefficients.reshape(-1, TERMS), weights)
 
 
-def _gains(overlaps: Overlaps, count: int, undone: Floats, weights: Floats) -> Floats:
-    """Log gains (n, 3) where undoing the fall-off adds `undone` (m,) to the log ratios."""
-    weight = weights * overlaps.share / RATIO_SPREAD**2
-    graph = _graph(overlaps, count, weight)
-    right = _into_photos(overlaps, count, (overlaps.logs + undone[:, None]) * weight[:, None])
-    mean = right.mean(1)
+def _gains(graph: Floats, right: Floats) -> Floats:
+    """Log gains (n, 3) from the normal matrix (n, n) and the weighted log ratios (n, 3) summed into the photos."""
+    one, mean = np.eye(len(graph)), right.mean(1)
     # the sign: a photo that is brighter than its neighbours gets a gain below one
-    brightness = -np.linalg.solve(graph + np.eye(count) / GAIN_SPREAD**2, mean)
-    colour = -np.linalg.solve(graph + np.eye(count) / COLOUR_SPREAD**2, right - mean[:, None])
+    brightness = -np.linalg.solve(graph + one / GAIN_SPREAD**2, mean)
+    colour = -np.linalg.solve(graph + one / COLOUR_SPREAD**2, right - mean[:, None])
     return np.asarray(brightness[:, None] + colour)
 
 

@@ -67,14 +67,15 @@ def coordinates(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
     """Where (x, y, each (h, w) px of the photo) each canvas pixel is seen, and where that is known."""
     grid = blocks(camera, canvas, region)
-    seen = np.where(grid.known[..., None], grid.seen, -1e4)
+    known, bent = grid.known, _bent(grid.nodes, camera)
+    seen = np.where(known[..., None], grid.seen, -1e4)
     x, y = (grid.enlarged(np.asarray(seen[:, :, k], np.float32)) for k in (0, 1))
     valid = np.ones(x.shape, bool)
-    if not grid.known.all():
-        valid = np.asarray(grid.enlarged(np.asarray(grid.known, np.float32)) > 0.999)
-    if grid.bent.any():
+    if not known.all():
+        valid = np.asarray(grid.enlarged(np.asarray(known, np.float32)) > 0.999)
+    if bent.any():
         # bilinear as well: more than nothing in all blocks that have a bent node at a corner
-        down, right = np.nonzero(grid.enlarged(np.asarray(grid.bent, np.float32)) > 0)
+        down, right = np.nonzero(grid.enlarged(np.asarray(bent, np.float32)) > 0)
         exact = _project(camera, canvas, np.column_stack([right + region.x, down + region.y]))
         valid[down, right] = np.isfinite(exact).all(1)
         x[down, right], y[down, right] = np.where(valid[down, right, None], exact, -1e4).T
@@ -90,16 +91,22 @@ class Blocks:
 
     region: what was asked for
     outer:  what the blocks cover
-    seen:   (h, w, 2) px of the photo
-    known:  (h, w) where they are finite
-    bent:   (h, w) about which bilinear guesses are off
+    nodes:  (h + 2, w + 2, 2) px of the photo; a ring of them more, which tells how much the coordinates bend
     """
 
     region: Region
     outer: Region
-    seen: Floats
-    known: NDArray[np.bool_]
-    bent: NDArray[np.bool_]
+    nodes: Floats
+
+    @property
+    def seen(self) -> Floats:
+        """The nodes (h, w, 2) px of the photo."""
+        return self.nodes[1:-1, 1:-1]
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Which nodes (h, w) are finite."""
+        return np.asarray(np.isfinite(self.seen).all(2))
 
     def enlarged(self, nodes: NDArray[np.float32]) -> NDArray[np.float32]:
         """Values at the nodes (h, w) as values of the region's pixels, bilinear."""
@@ -110,12 +117,10 @@ class Blocks:
 def blocks(camera: Camera, canvas: Canvas, region: Region) -> Blocks:
     """Exact coordinates of a photo at the nodes over a region of the canvas."""
     outer = region.grown(STEP, multiple=STEP)
-    wide = outer.grown(STEP)  # one more block on each side tells how much the coordinates bend
+    wide = outer.grown(STEP)
     columns = np.arange(wide.x, wide.right, STEP) + (STEP - 1) / 2
     rows = np.arange(wide.y, wide.bottom, STEP) + (STEP - 1) / 2
-    nodes = _project_grid(camera, canvas, np.asarray(columns, np.float64), np.asarray(rows, np.float64))
-    seen = nodes[1:-1, 1:-1]
-    return Blocks(region, outer, seen, np.asarray(np.isfinite(seen).all(2)), _bent(nodes, camera))
+    return Blocks(region, outer, _project_grid(camera, canvas, np.asarray(columns, float), np.asarray(rows, float)))
 
 
 def _bent(nodes: Floats, camera: Camera) -> NDArray[np.bool_]:

@@ -17,9 +17,9 @@ def cross_matrix(v: Floats) -> Floats:
 
 
 def exp(v: Floats) -> Floats:
-    """Rotation (3, 3) by |v| radians about the axis v (3,): Rodrigues' formula."""
-    angle = float(np.linalg.norm(v))
-    k = cross_matrix(np.asarray(v, np.float64))
+    """Rotations (..., 3, 3) by |v| radians about the axes v (..., 3): Rodrigues' formula."""
+    angle = np.linalg.norm(v, axis=-1)[..., None, None]
+    k = cross_matrix(v)
     # sinc forms stay exact where the angle is zero
     a = np.sinc(angle / np.pi)
     b = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
@@ -59,9 +59,10 @@ def angle(rotation: Floats) -> float:
 
 
 def nearest(matrix: Floats) -> Floats:
-    """The rotation (3, 3) nearest to a matrix (3, 3) in the Frobenius norm (Kabsch 1976)."""
+    """The rotations (..., 3, 3) nearest to matrices (..., 3, 3) in the Frobenius norm (Kabsch 1976)."""
     u, _, vt = np.linalg.svd(matrix)
-    return np.asarray(u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt)
+    u[..., 2] *= np.sign(np.linalg.det(u @ vt))[..., None]
+    return np.asarray(u @ vt)
 
 
 def from_angles(yaw: float, pitch: float, roll: float) -> Floats:

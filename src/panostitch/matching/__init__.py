@@ -29,7 +29,6 @@ __all__ = [
     "explain_left_out",
     "find_groups",
     "improved",
-    "link_pairs",
     "link_photos",
     "match",
     "pairs_to_retry",
@@ -57,13 +56,13 @@ def link_photos(
         counts = count_matches(features, pairs, ratio=options.ratio, run=run)
         pairs = promising(photos, counts)
         skipped = [unpromising(pair, counts[pair]) for pair in counts.keys() - set(pairs)]
-    links = link_pairs(photos, features, pairs, options, run=run, trace=trace)
+    links = _link_pairs(photos, features, pairs, options, run=run, trace=trace)
     more = second_neighbours(photos, links)
-    links += link_pairs(photos, features, more, options, run=run, trace=trace)
+    links += _link_pairs(photos, features, more, options, run=run, trace=trace)
     return sorted([*links, *(link for link in skipped if (link.i, link.j) not in set(more))], key=_pair_of)
 
 
-def link_pairs(
+def _link_pairs(
     photos: Sequence[Photo],
     features: Sequence[Features],
     pairs: Sequence[tuple[int, int]],
