@@ -82,7 +82,7 @@ def _retried(
     features = [again.get(n, one) for n, one in enumerate(found.features)]
     matches = match(features, pairs, options.matching, run=run)
     retried = verify(found.photos, features, matches, options.matching, run=run)
-    links = improved(found.links, retried)
+    links = drop_contradictions(found.photos, improved(found.links, retried))
     kept = set(map(id, links))
     for putative, link in zip(matches, retried, strict=True):
         if id(link) in kept:

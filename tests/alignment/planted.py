@@ -25,7 +25,7 @@ def common_points(a, b, count, rng):
 
 def link_of(i, j, xy_i, xy_j):
     found = homography.estimate(xy_i, xy_j, threshold=30.0, seed=0)
-    return VerifiedMatch(i, j, xy_i, xy_j, found[0], len(xy_i), 0.4, 0.5)
+    return VerifiedMatch(i, j, xy_i, xy_j, found[0], len(xy_i), 0.4, 0.5, len(xy_i))
 
 
 def planted_links(cameras, rng, *, count=100, noise=0.0, outliers=0.0, reach=25.0):

@@ -71,7 +71,7 @@ def test_usual_lenses_are_tried_in_any_case(links):
 
 def fake(i, j, inliers):
     points = np.zeros((inliers, 2))
-    return VerifiedMatch(i, j, points, points, np.eye(3), inliers, 0.5, 0.5)
+    return VerifiedMatch(i, j, points, points, np.eye(3), inliers, 0.5, 0.5, inliers)
 
 
 def test_the_tree_takes_the_strongest_links_from_the_best_connected_photo():

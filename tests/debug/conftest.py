@@ -47,7 +47,9 @@ def make_pair(i: int, j: int, features: list[Features], inliers: int, *, needed:
     if needed:
         return PutativeMatch(i, j, raw, pairs), Rejection(i, j, "too few agree", len(pairs), inliers, needed)
     xy_i, xy_j = (features[k].xy[pairs[:inliers, 0]].astype(np.float64) for k in (i, j))
-    return PutativeMatch(i, j, raw, pairs), VerifiedMatch(i, j, xy_i, xy_j, np.eye(3), len(pairs), 0.4, float("nan"))
+    return PutativeMatch(i, j, raw, pairs), VerifiedMatch(
+        i, j, xy_i, xy_j, np.eye(3), len(pairs), 0.4, float("nan"), len(pairs)
+    )
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,7 @@ def link_between(cameras, i, j, seen, rng, *, parallax=0.0, putative=80):
     xy_i, xy_j = points[0], swayed(points[1], rng, parallax) + rng.normal(0, NOISE, points[1].shape)
     start = lens(seen) @ seen.cam_from_world @ cameras[i].cam_from_world.T @ np.linalg.inv(lens(cameras[i]))
     fitted = homography.refine(homography.normalised(start, xy_i.mean(0)), xy_i, xy_j, scale=30.0)
-    return VerifiedMatch(i, j, xy_i, xy_j, fitted, putative, 0.4, 0.5)
+    return VerifiedMatch(i, j, xy_i, xy_j, fitted, putative, 0.4, 0.5, putative)
 
 
 def lens(camera):
@@ -129,6 +129,19 @@ def test_two_wrong_links_that_agree_with_each_other(rng):
     found = contradicting(blank_photos(cameras), [*links, *false])
 
     assert names([*links, *false], found) == {(1, 8), (3, 8)}
+
+
+def test_wrong_links_that_agree_with_each_other_and_with_little_of_the_photos(rng):
+    cameras = rig(np.deg2rad(np.arange(8) * 45.0), size=SIZE, hfov=np.deg2rad(75))
+    links = [replace(link, in_overlap=2 * link.inliers) for link in true_links(cameras, rng)]
+    # photo 4 seems to be where photo 0 is, and its neighbours agree: one mistake makes three links
+    false = [
+        link_between(cameras, i, j, replace(cameras[j], cam_from_world=cameras[k].cam_from_world), rng)
+        for i, j, k in ((0, 4, 0), (1, 4, 0), (0, 3, 7))
+    ]
+    poor = [replace(link, in_overlap=8 * link.inliers) for link in false]
+
+    assert names([*links, *poor], contradicting(blank_photos(cameras), [*links, *poor])) == {(0, 4), (1, 4), (0, 3)}
 
 
 def test_every_wrong_link_of_one_photo_is_found(rng):

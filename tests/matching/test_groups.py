@@ -13,7 +13,7 @@ POINTS = np.zeros((20, 2))
 
 
 def link(i, j):
-    return VerifiedMatch(i, j, POINTS, POINTS, np.eye(3), 30, 0.4, 0.5)
+    return VerifiedMatch(i, j, POINTS, POINTS, np.eye(3), 30, 0.4, 0.5, 30)
 
 
 def photos_of(count):

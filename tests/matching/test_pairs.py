@@ -150,7 +150,7 @@ def test_a_photo_without_features_is_like_none(rng):
 def shift(i, j, right):
     """A link of two photos of which the second shows what is `right` px further right."""
     points = np.zeros((20, 2))
-    return VerifiedMatch(i, j, points, points, np.array([[1.0, 0, -right], [0, 1, 0], [0, 0, 1]]), 30, 0.5, 0.5)
+    return VerifiedMatch(i, j, points, points, np.array([[1.0, 0, -right], [0, 1, 0], [0, 0, 1]]), 30, 0.5, 0.5, 30)
 
 
 def test_neighbours_of_neighbours_are_tried_if_they_overlap():

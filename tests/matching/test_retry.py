@@ -12,7 +12,7 @@ from panostitch.synthetic.render import ArraySource
 
 def link(i, j, inliers=20):
     points = np.zeros((inliers, 2))
-    return VerifiedMatch(i, j, points, points, np.eye(3), 30, 0.4, 0.5)
+    return VerifiedMatch(i, j, points, points, np.eye(3), 30, 0.4, 0.5, 30)
 
 
 def no(i, j, inliers=0, putative=0):

@@ -54,7 +54,11 @@ def verify_pair(
         return Rejection(i, j, reason, count, int(inliers.sum()), needed, overlap)
     errors = homography.transfer_error(j_from_i, xy_i[inliers], xy_j[inliers])
     rms = float(np.sqrt((errors**2).mean()))
-    return VerifiedMatch(i, j, xy_i[inliers], xy_j[inliers], j_from_i, count, overlap, rms)
+    both = min(
+        _seen_by(features[i].xy, j_from_i, photos[j].size),
+        _seen_by(features[j].xy, np.asarray(np.linalg.inv(j_from_i), np.float64), photos[i].size),
+    )
+    return VerifiedMatch(i, j, xy_i[inliers], xy_j[inliers], j_from_i, count, overlap, rms, both)
 
 
 def _objection(
@@ -94,6 +98,12 @@ def overlap_of(j_from_i: Floats, size_i: tuple[int, int], size_j: tuple[int, int
     zoom = abs(float(cv2.contourArea(seen.astype(np.float32)))) / (size_i[0] * size_i[1])
     smaller = min(zoom * size_i[0] * size_i[1], size_j[0] * size_j[1])
     return float(min(area / max(smaller, 1e-9), 1.0))
+
+
+def _seen_by(xy: NDArray[np.float32], other_from_this: Floats, size: tuple[int, int]) -> int:
+    """How many features (n, 2) px of a photo lie where the other photo, of this size, sees them as well."""
+    with np.errstate(invalid="ignore"):
+        return int(_inside(homography.apply(other_from_this, xy.astype(np.float64)), size).sum())
 
 
 def _inside(xy: Floats, size: tuple[int, int]) -> NDArray[np.bool_]:

@@ -32,6 +32,7 @@ class VerifiedMatch:
     putative:   number of matches it was estimated from
     overlap:    share of the smaller photo that the other one covers, 0 to 1
     error:      rms distance px of the inliers under the homography
+    in_overlap: number of features, matched or not, that lie in the overlap, of the photo with fewer of them there
     """
 
     i: int
@@ -42,6 +43,7 @@ class VerifiedMatch:
     putative: int
     overlap: float
     error: float
+    in_overlap: int
 
     @property
     def inliers(self) -> int:
