@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from functools import partial
 
 import cv2
 import numpy as np
@@ -95,7 +96,9 @@ def test_existing_output_is_kept(photos, tmp_path, capsys):
 def test_interrupt_leaves_nothing(photos, tmp_path, temporary):
     output = tmp_path / "both.jpg"
     command = [sys.executable, "-m", "panostitch", "compare", str(photos), "-o", str(output)]
-    process = subprocess.Popen(command, start_new_session=True, stderr=subprocess.PIPE)
+    # a shell starts what runs in its background deaf to interrupts, and so would be all that the tests start
+    listening = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    process = subprocess.Popen(command, start_new_session=True, stderr=subprocess.PIPE, preexec_fn=listening)
     deadline = time.monotonic() + PATIENCE
     while not list(temporary.glob("*/*/task.pickle")) and time.monotonic() < deadline:
         time.sleep(0.01)
