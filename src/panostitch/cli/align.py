@@ -37,7 +37,7 @@ def command(photos: tuple[str, ...], output: str, pto: str | None, **given: Any)
         report.say(f"{output}: written; next: panostitch render {output} -o panorama.jpg")
     if pto:
         exactness = hugin.write_pto(alignment, pto, lay_out(alignment, LayoutOptions()))
-        if exactness.poor or given["verbose"]:
+        if given["verbose"] or (exactness.poor and not given["quiet"]):
             report.say(f"note: {pto}: {exactness}")
     if given["as_json"]:
         report.print_json(report.result(alignment))
