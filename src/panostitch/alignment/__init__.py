@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from panostitch.alignment.bundle import standard_errors
 from panostitch.alignment.fit import (
     Fit,
+    followed,
     noise_scale,
     pruned,
     refitted,
@@ -16,7 +17,15 @@ from panostitch.alignment.fit import (
     settled_again,
     without_contradictions,
 )
-from panostitch.alignment.model_choice import Candidate, Choice, candidate, choose, flat_parameters, flat_to_try
+from panostitch.alignment.model_choice import (
+    NOTICEABLE,
+    Candidate,
+    Choice,
+    candidate,
+    choose,
+    flat_parameters,
+    flat_to_try,
+)
 from panostitch.alignment.refine import refined
 from panostitch.alignment.residuals import thinned
 from panostitch.alignment.straighten import straighten
@@ -111,6 +120,10 @@ def _rough(
     models: tuple[Model, ...] = ()
     if options.model == "auto":
         rotation = _candidate(turning, turning.links, scale) if turning else None
+        if turning and rotation and rotation.noise > NOTICEABLE * pixel_size:
+            # a lens that no two photos have alike, or an image shifted against it, must not pass for a flat subject
+            turning = followed(turning, photos, [thinned(link) for link in turning.links], scale=scale, free=True)
+            rotation = _candidate(turning, turning.links, scale)
         models = flat_to_try(rotation, turning.cameras if turning else (), pixel_size=pixel_size)
     elif options.model != "rotation":
         models = (options.model,)
