@@ -213,13 +213,10 @@ def test_a_turning_camera_is_not_taken_for_a_flat_subject(rng):
 
 def test_a_shifted_image_and_a_breathing_lens_are_not_taken_for_a_flat_subject(rng):
     straight = row(6, 14.0, k1=-0.1, k2=0.3)
-    wide = float(np.hypot(*SIZE))
-    cameras = [
-        replace(
-            camera, focal=camera.focal * breath, centre=tuple(np.array(camera.centre) + (0.01 * wide, -0.03 * wide))
-        )
-        for camera, breath in zip(straight, (1.0, 1.02, 0.99, 1.01, 0.98, 1.0), strict=True)
-    ]
+    x, y = straight[0].centre
+    shifted = (x + 0.01 * SIZE[0], y - 0.04 * SIZE[1])
+    breaths = (1.0, 1.02, 0.99, 1.01, 0.98, 1.0)
+    cameras = [replace(c, focal=c.focal * n, centre=shifted) for c, n in zip(straight, breaths, strict=True)]
 
     found = aligned(cameras, planted_links(cameras, rng, noise=NOISE), refine="none")
 
