@@ -240,7 +240,7 @@ def test_beyond_the_horizon_of_a_plane_nothing_is_to_be_seen():
 
 def test_too_large_is_a_limit():
     huge = ring(count=14)
-    huge = [replace(c, size=(20000, 15000), focal=c.focal * 50, centre=(9999.5, 7499.5)) for c in huge]
+    huge = [replace(c, size=(60000, 45000), focal=c.focal * 150, centre=(29999.5, 22499.5)) for c in huge]
 
     with pytest.raises(LimitError) as caught:
         canvas_of(huge)
