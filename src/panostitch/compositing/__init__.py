@@ -3,7 +3,7 @@
 from functools import partial
 
 from panostitch.compositing.compose import compose
-from panostitch.compositing.cost import decoding_bytes, photo_budget, tile_bytes
+from panostitch.compositing.cost import decoded_bytes, decoding_bytes, photo_budget, tile_bytes
 from panostitch.compositing.frame import frame
 from panostitch.compositing.layout import lay_out
 from panostitch.compositing.plan import make_plan
@@ -22,4 +22,5 @@ def make_panorama(
     """The panorama as a function of a region; `memory` is what the whole program may take, in bytes."""
     budget = photo_budget(alignment.photos, memory)
     read = partial(compose, alignment, canvas, plan, options, decoded_photos(budget))
-    return Panorama(canvas, plan, read, partial(tile_bytes, alignment.photos, canvas, plan, options), budget)
+    kept = min(budget, decoded_bytes(alignment.photos))
+    return Panorama(canvas, plan, read, partial(tile_bytes, alignment.photos, canvas, plan, options), kept)
