@@ -30,13 +30,16 @@ from panostitch.runtime.trace import Trace, silent
 Placed = list[tuple[int, Layer]]
 
 PLAN_PIXELS = 1.0e6  # of the reduced canvas: seams to a few pixels, in memory and time that do not matter
+LARGE_PLAN = 5.0e6  # of that of a huge canvas, where tiles with seams would need wide halos if it were smaller
+LARGE_FROM = 16  # times smaller
 MAX_FACTOR = 64
 
 
 def reduction(canvas: Canvas) -> int:
     """The power of two by which the canvas is reduced for the plan."""
     factor = 1
-    while canvas.size[0] * canvas.size[1] / factor**2 > PLAN_PIXELS and factor < MAX_FACTOR:
+    area = canvas.size[0] * canvas.size[1]
+    while area / factor**2 > (PLAN_PIXELS if factor < LARGE_FROM else LARGE_PLAN) and factor < MAX_FACTOR:
         factor *= 2
     return factor
 
