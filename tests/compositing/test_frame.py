@@ -6,8 +6,10 @@ import pytest
 from compositing.mosaics import alignment_of, shifted
 from panostitch import pipeline
 from panostitch.compositing import frame, make_plan
+from panostitch.compositing.plan import reduction
 from panostitch.errors import UsageError
 from panostitch.io.writers import assemble
+from panostitch.model.canvas import Canvas
 from panostitch.options import CompositingOptions, LayoutOptions, Options
 from panostitch.synthetic.scene import rig
 
@@ -201,3 +203,20 @@ def test_what_makes_no_sense_is_refused_with_an_example(options):
 
     assert next(iter(options)) in caught.value.message
     assert caught.value.hint
+
+
+def test_a_field_that_is_full_is_not_cut_for_its_size():
+    canvas, plan = planned(ring(), fov="60x30", projection="rectilinear", size="400")
+
+    left, right = canvas.rays(np.array([[-0.5, 0.0], [399.5, 0.0]]))
+    assert np.rad2deg(np.arctan2(right[0], right[2]) - np.arctan2(left[0], left[2])) == pytest.approx(
+        60, abs=HALF_PIXEL
+    )
+    assert plan.covered
+
+
+@pytest.mark.parametrize(("megapixels", "factor"), [(0.9, 1), (16, 4), (250, 16), (1100, 16), (1500, 32), (9000, 64)])
+def test_the_plan_of_a_huge_canvas_is_finer(megapixels, factor):
+    side = round(np.sqrt(megapixels * 1e6))
+
+    assert reduction(Canvas("rectilinear", 1.0, (0.0, 0.0), (side, side))) == factor

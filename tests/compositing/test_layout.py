@@ -261,6 +261,19 @@ def test_absurdly_spread_photos_are_no_alignment():
         canvas_of(absurd())
 
     assert caught.value.exit_code == 6
+    assert "far apart" in caught.value.details[0]
+
+
+def test_the_photo_that_stretches_the_canvas_is_named():
+    # seen almost along the plane: its right edge lies close to the horizon
+    aside = replace(
+        shifted(SIZE, 0, 0), cam_from_world=np.linalg.inv(np.array([[1, 0, 300], [0, 1, 0], [-0.00245, 0, 1]]))
+    )
+
+    with pytest.raises(AlignmentError) as caught:
+        canvas_of([shifted(SIZE, 0, 0), aside], model="homography")
+
+    assert "p1 alone would be spread over" in caught.value.details[0]
 
 
 def test_absurd_does_not_depend_on_the_scale_asked_for():

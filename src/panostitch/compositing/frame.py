@@ -56,10 +56,9 @@ def _measured(alignment: Alignment, canvas: Canvas, rule: str, run: Executor) ->
     small = canvas.reduced(factor)
     covered = coverage(alignment, small, run=run)
     region, reason = choose_crop(covered, rule)
-    if region and covered[region.within(small.region)].all() and min(region.width, region.height) > 4 * INSET:
-        turn = canvas.wraps and region.width == small.size[0]
-        x = region if turn else Region(region.x + INSET, 0, region.width - 2 * INSET, 0)
-        region = Region(x.x, region.y + INSET, x.width, region.height - 2 * INSET)
+    if rule != "none" and min(region.width, region.height) > 4 * INSET and covered[region.within(small.region)].all():
+        aside = 0 if canvas.wraps and region.width == small.size[0] else INSET
+        region = Region(region.x + aside, region.y + INSET, region.width - 2 * aside, region.height - 2 * INSET)
     return at_full_size(Crop(region or small.region, reason), canvas, factor)
 
 
@@ -72,7 +71,7 @@ def _fitting(canvas: Canvas, region: Region, options: LayoutOptions) -> tuple[in
         # a closed turn has to be wide a multiple of its reductions, to close in them as well
         fitted[0] = -(-fitted[0] // EDGE_MULTIPLE) * EDGE_MULTIPLE
         if width and fitted[0] > width:
-            fitted[0] -= EDGE_MULTIPLE
+            fitted[0] = max(EDGE_MULTIPLE, fitted[0] - EDGE_MULTIPLE)
             fitted[1] = max(1, round(region.height * fitted[0] / region.width))
     return fitted[0], fitted[1]
 

@@ -22,6 +22,7 @@ Floats = NDArray[np.float64]
 CLOSED_GAP = np.deg2rad(1.0)  # a turn with a smaller hole than this is closed
 EDGE_MULTIPLE = 64  # a closed canvas is wide a multiple of this, so that reductions of it close as well
 ABSURD = 40.0  # times the photos' own pixels: no sound alignment spreads them so thin
+STRETCHED = 4.0  # times its own pixels that a photo is spread over, from which on it is to blame
 MAX_PIXELS = 10_000_000_000
 
 
@@ -133,11 +134,13 @@ def check_size(alignment: Alignment, canvas: Canvas, options: LayoutOptions) -> 
 
 
 def _most_stretched(alignment: Alignment, canvas: Canvas, options: LayoutOptions) -> tuple[str, ...]:
-    """The photo that is spread over most of its own sizes of the canvas, in a line."""
+    """The photo that is stretched most, in a line; or that none is, and what lies between them makes it large."""
     found = []
     for photo, camera in zip(alignment.photos, alignment.cameras, strict=True):
         xy = canvas.pixels(camera.rays(camera.outline()))
         width, height = np.nan_to_num(np.nanmax(xy, axis=0) - np.nanmin(xy, axis=0))
         found.append((width * height / (camera.size[0] * camera.size[1] * options.scale**2), photo.name, width, height))
     times, name, width, height = max(found)
+    if times < STRETCHED:
+        return ("no photo is stretched; they lie far apart for their focal lengths, with nothing between them",)
     return (f"{name} alone would be spread over {width:.0f} x {height:.0f} px, {times:.0f} times its own size",)
