@@ -134,7 +134,7 @@ def measure_all(sizes: Sequence[float], threads: int) -> list[Row]:
     return rows
 
 
-def page(rows: Sequence[Row], threads: int) -> str:
+def page(rows: Sequence[Row], sizes: str, threads: int) -> str:
     """The table as Markdown."""
     unit = next((row for row in rows if abs(row.megapixels - MEASURE) < 1 and row.compression == "none"), rows[0])
     lines = [
@@ -142,7 +142,8 @@ def page(rows: Sequence[Row], threads: int) -> str:
         "",
         "<!-- made by benchmarks/scaling.py -->",
         "",
-        f"`python benchmarks/scaling.py --output docs/reference/scaling.md`, on {threads} threads.",
+        f"`python benchmarks/scaling.py --megapixels {sizes} --output docs/reference/scaling.md`,",
+        f"on {threads} threads.",
         "",
         "A flat picture in a grid of JPEG photos that overlap by a quarter, with known places; a process of its own",
         "for each row. CPU time is that of all threads together, for the plan and the tiles; `relative` is it for a",
@@ -177,7 +178,9 @@ def main() -> None:
     elif given.child:
         print(json.dumps(asdict(render(given.child, given.megapixels[0], given.threads, given.compression))))
     else:
-        text = page(measure_all(given.megapixels, given.threads), given.threads)
+        text = page(
+            measure_all(given.megapixels, given.threads), " ".join(f"{n:g}" for n in given.megapixels), given.threads
+        )
         if given.output:
             given.output.write_text(text)
         else:

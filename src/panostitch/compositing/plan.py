@@ -30,7 +30,7 @@ from panostitch.runtime.trace import Trace, silent
 Placed = list[tuple[int, Layer]]
 
 PLAN_PIXELS = 1.0e6  # of the reduced canvas: seams to a few pixels, in memory and time that do not matter
-LARGE_PLAN = 5.0e6  # of that of a huge canvas, where tiles with seams would need wide halos if it were smaller
+LARGE_PLAN = 2.0e6  # of that of a huge canvas: it takes memory, but tiles with seams need narrower halos
 LARGE_FROM = 16  # times smaller
 MAX_FACTOR = 64
 
