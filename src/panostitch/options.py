@@ -131,15 +131,60 @@ class LayoutOptions:
         max=10.0,
     )
     scale: float = option(1.0, "Size of the panorama; 1 keeps the photos' own resolution.", min=0.001, max=4.0)
-    crop: Literal["auto", "full", "none"] = option(
+    size: str | None = option(
+        None, "Pixels of the picture that is written, instead of a scale: W, xH, or WxH, into which it then fits."
+    )
+    fov: str | None = option(
+        None, "Degrees that the canvas shows about straight ahead: H across, or HxV across and down (360x180)."
+    )
+    crop: str = option(
         "auto",
-        "Largest rectangle without empty corners (full), the whole canvas (none), "
-        "or the rectangle unless it loses much (auto).",
+        "Largest rectangle without empty corners (full), the whole canvas (none), the rectangle unless it loses much "
+        "(auto; all of the field of view that was asked for), or X,Y,W,H in pixels of the whole canvas.",
     )
     yaw: float = option(0.0, "Turn the view to the right, in degrees.", min=-360.0, max=360.0)
     pitch: float = option(0.0, "Turn the view up, in degrees.", min=-90.0, max=90.0)
     roll: float = option(0.0, "Turn the view, not the picture, clockwise, in degrees.", min=-360.0, max=360.0)
     center_on: str | None = option(None, "Name of the photo that is to be in the middle, before any turn.")
+
+    @property
+    def sides(self) -> tuple[int | None, int | None] | None:
+        """Width and height (px) into which the picture is to fit. Raises UsageError where `size` makes no sense."""
+        if self.size is None:
+            return None
+        found = re.fullmatch(r"(\d{1,7})|(\d{0,7})[xX](\d{1,7})", self.size.strip())
+        width, height = (int(n) if n else None for n in (found[1] or found[2], found[3])) if found else (0, 0)
+        if width == 0 or height == 0:
+            raise UsageError(f"--size {self.size} is no size", hint="write it as 4000, x2000 or 4000x2000, in pixels")
+        if self.scale != type(self).scale or self.window is not None:
+            other = "--crop X,Y,W,H" if self.window else "--scale"
+            raise UsageError(f"--size and {other} both say how large the picture is", hint="leave one of them out")
+        return width, height
+
+    @property
+    def field(self) -> tuple[float, float | None] | None:
+        """Degrees across and down that are to be shown. Raises UsageError where `fov` makes no sense."""
+        if self.fov is None:
+            return None
+        number = r"(\d+(?:\.\d*)?|\.\d+)"
+        found = re.fullmatch(rf"{number}(?:[xX]{number})?", self.fov.strip())
+        across, down = (float(found[1]), float(found[2]) if found[2] else None) if found else (0.0, None)
+        if not 0 < across <= 360 or (down is not None and not 0 < down <= 360):
+            raise UsageError(f"--fov {self.fov} is no field of view", hint="write it as 120 or 120x60, in degrees")
+        return across, down
+
+    @property
+    def window(self) -> tuple[int, int, int, int] | None:
+        """x, y, width and height (px of the canvas) to keep; None for a rule. Raises UsageError for neither."""
+        if self.crop in ("auto", "full", "none"):
+            return None
+        found = re.fullmatch(r"(\d{1,9}),(\d{1,9}),(\d{1,9}),(\d{1,9})", self.crop.replace(" ", ""))
+        if not found or not (int(found[3]) and int(found[4])):
+            raise UsageError(
+                f"--crop {self.crop}: neither auto, full, none nor a rectangle",
+                hint="write a rectangle as X,Y,W,H: 0,200,4000,1500",
+            )
+        return int(found[1]), int(found[2]), int(found[3]), int(found[4])
 
 
 @dataclass(frozen=True)
@@ -199,6 +244,10 @@ class Options:
     layout: LayoutOptions = LayoutOptions()
     compositing: CompositingOptions = CompositingOptions()
     output: OutputOptions = OutputOptions()
+
+    def check(self) -> None:
+        """Raise UsageError where the text of an option does not say what it should, or options contradict."""
+        _ = self.layout.sides, self.layout.field, self.layout.window, self.output.memory
 
     @classmethod
     def of(cls, **flat: Any) -> "Options":

@@ -5,7 +5,7 @@
 from collections.abc import Sequence
 
 from panostitch.alignment import align_group
-from panostitch.compositing import decoding_bytes, lay_out, make_panorama, make_plan
+from panostitch.compositing import decoding_bytes, frame, make_panorama, make_plan
 from panostitch.compositing.view import look
 from panostitch.errors import NoOverlapError
 from panostitch.matching import explain_left_out, pairs_tried
@@ -62,10 +62,10 @@ def render(alignment: Alignment, options: Options, *, run: Executor = serial, tr
     Raises LimitError where --max-memory does not suffice.
     """
     alignment = look(alignment, options.layout)
-    canvas = lay_out(alignment, options.layout, trace=trace)
     limit = options.output.memory
     run = within(run, limit, each=decoding_bytes(alignment.photos))
-    plan = make_plan(alignment, canvas, options.compositing, options.layout.crop, run=run, trace=trace)
+    canvas, crop = frame(alignment, options.layout, run=run, trace=trace)
+    plan = make_plan(alignment, canvas, options.compositing, crop, run=run, trace=trace)
     return make_panorama(alignment, canvas, plan, options.compositing, memory=limit)
 
 

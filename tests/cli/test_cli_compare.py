@@ -106,7 +106,7 @@ def test_interrupt_leaves_nothing(photos, tmp_path, temporary):
     os.killpg(process.pid, signal.SIGINT)
     _, said = process.communicate(timeout=PATIENCE)
     assert process.returncode == EXIT_INTERRUPTED
-    assert said.decode().strip() == "interrupted; nothing half-written is left behind"
+    assert said.decode().strip() == "interrupted; no half-written panorama is left behind"
     assert not output.exists()
 
 

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from panostitch.io.limits import SIDES
+
 OK, BUG, USAGE, LEFT_OUT, NO_OVERLAP, UNREADABLE, LIMIT, UNWRITABLE, INTERRUPTED = 0, 1, 2, 3, 4, 5, 7, 8, 130
 
 # Where the defaults are not the point: a third of the time.
@@ -360,7 +362,7 @@ def test_the_same_photos_make_the_same_bytes(call, inputs):
 
 
 def test_a_panorama_too_large_for_its_format(call, inputs, monkeypatch):
-    monkeypatch.setattr("panostitch.io.writers.JPEG_LIMIT", 500)
+    monkeypatch.setitem(SIDES, ".jpg", 500)
 
     result = call(*inputs, "-o", "out.jpg", *QUICK)
 

@@ -11,7 +11,8 @@ import pytest
 from PIL import Image
 
 from panostitch import pipeline
-from panostitch.compositing import lay_out
+from panostitch.compositing import frame, lay_out
+from panostitch.compositing.view import look
 from panostitch.compositing.warp import coordinates, read_for, warp
 from panostitch.geometry import rotation
 from panostitch.io.pto import read_pto, write_pto
@@ -113,6 +114,35 @@ def test_hugin_puts_pixels_where_we_do(truth, tmp_path, projection):
         found = transformed(path, n, as_stored(xy, ORIENTATIONS[n]))
         # a rectilinear canvas is stretched towards its edges
         np.testing.assert_allclose(found, canvas.pixels(camera.rays(xy)), atol=4 * LENS)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"size": "333"},
+        {"size": "x301", "projection": "cylindrical"},
+        {"fov": "41x33", "yaw": 10.0},
+        {"fov": "360x180", "size": "1280"},
+        {"fov": "70", "projection": "stereographic"},
+    ],
+    ids=str,
+)
+def test_hugin_has_our_canvas_of_a_given_size_or_field(truth, tmp_path, options):
+    layout = LayoutOptions(**options)
+    seen = look(truth, layout)
+    canvas, _ = frame(seen, layout)
+    path = tmp_path / "x.pto"
+
+    write_pto(seen, str(path), canvas)
+
+    compared = 0
+    for n, camera in enumerate(seen.cameras):
+        xy = in_photo(camera)
+        own, found = canvas.pixels(camera.rays(xy)), transformed(path, n, as_stored(xy, ORIENTATIONS[n]))
+        shown = ((own > 0) & (own < np.array(canvas.size) - 1)).all(1)  # beyond it a turn may come from the other side
+        np.testing.assert_allclose(found[shown], own[shown], atol=4 * LENS)
+        compared += int(shown.sum())
+    assert compared > 50
 
 
 @pytest.mark.parametrize("distance", [0.3, 1.0, 2.5])

@@ -240,7 +240,7 @@ def test_beyond_the_horizon_of_a_plane_nothing_is_to_be_seen():
 
 def test_too_large_is_a_limit():
     huge = ring(count=14)
-    huge = [replace(c, size=(20000, 15000), focal=c.focal * 50, centre=(9999.5, 7499.5)) for c in huge]
+    huge = [replace(c, size=(60000, 45000), focal=c.focal * 150, centre=(29999.5, 22499.5)) for c in huge]
 
     with pytest.raises(LimitError) as caught:
         canvas_of(huge)
@@ -261,6 +261,19 @@ def test_absurdly_spread_photos_are_no_alignment():
         canvas_of(absurd())
 
     assert caught.value.exit_code == 6
+    assert "far apart" in caught.value.details[0]
+
+
+def test_the_photo_that_stretches_the_canvas_is_named():
+    # seen almost along the plane: its right edge lies close to the horizon
+    aside = replace(
+        shifted(SIZE, 0, 0), cam_from_world=np.linalg.inv(np.array([[1, 0, 300], [0, 1, 0], [-0.00245, 0, 1]]))
+    )
+
+    with pytest.raises(AlignmentError) as caught:
+        canvas_of([shifted(SIZE, 0, 0), aside], model="homography")
+
+    assert "p1 alone would be spread over" in caught.value.details[0]
 
 
 def test_absurd_does_not_depend_on_the_scale_asked_for():

@@ -88,7 +88,7 @@ def run(arguments: list[str]) -> int:
         error.show()
         return error.exit_code
     except (KeyboardInterrupt, click.Abort):
-        click.echo("interrupted; nothing half-written is left behind", err=True)
+        click.echo("interrupted; no half-written panorama is left behind", err=True)
         return EXIT_INTERRUPTED
     except PanostitchError as error:
         from panostitch.cli.report import say_error

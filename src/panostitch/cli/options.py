@@ -80,5 +80,5 @@ def options_of(given: dict[str, Any]) -> Options:
     """The Options among the parameters of a command; others are left where they are. Raises UsageError."""
     names = {f.name for part in dataclasses.fields(Options) for f in dataclasses.fields(part.default)}  # type: ignore[arg-type]
     options = Options.of(**{name: given[name] for name in names & given.keys()})
-    _ = options.output.memory  # what is no amount of memory is said before anything is done
+    options.check()  # before anything is done
     return options

@@ -5,6 +5,7 @@ from typing import Any
 import click
 
 from panostitch.cli.options import options_of, run_options, stage_options
+from panostitch.cli.writing import check_dry_run, write, write_options
 from panostitch.options import CompositingOptions, LayoutOptions, OutputOptions
 
 
@@ -12,6 +13,7 @@ from panostitch.options import CompositingOptions, LayoutOptions, OutputOptions
 @click.argument("project_file", metavar="FILE.pano.json|FILE.pto")
 @click.option("-o", "--output", required=True, metavar="PANORAMA", help="Where to write: .jpg, .png, .tif or .webp.")
 @stage_options(LayoutOptions, CompositingOptions, OutputOptions)
+@write_options
 @run_options
 def command(project_file: str, output: str, **given: Any) -> int:
     """Make the panorama of a project file, ours or Hugin's, as often and in as many ways as you like."""
@@ -22,15 +24,12 @@ def command(project_file: str, output: str, **given: Any) -> int:
     from panostitch.io import pto as hugin
 
     options, run = options_of(given), executor(given)
+    check_dry_run(given)
     read = hugin.read_pto if project_file.lower().endswith(hugin.EXTENSION) else project.read_project
     alignment = read(project_file)
     inputs = [project_file, *(photo.path for photo in alignment.photos)]
     writers.check_output(output, overwrite=given["overwrite"], inputs=inputs)
     with debug_trace(given) as trace:
         panorama = pipeline.render(alignment, options, run=run, trace=trace)
-        writers.write_panorama(panorama, output, options.output, run=run, trace=trace)
-    if not given["quiet"]:
-        report.say_panorama(panorama, output)
-    if given["as_json"]:
-        report.print_json(report.result(alignment, panorama, output))
+        write(alignment, panorama, output, options, given=given, run=run, trace=trace)
     return report.exit_code(alignment)

@@ -9,9 +9,11 @@ from typing import Any
 import click
 
 from panostitch.errors import EXIT_LEFT_OUT, EXIT_OK, PanostitchError
+from panostitch.io.forecast import Forecast
 from panostitch.model.alignment import Alignment, LeftOut, LinkSummary
 from panostitch.model.panorama import Panorama
 from panostitch.model.photo import natural_key
+from panostitch.runtime.memory import in_words
 
 NOWHERE_NEAR = 1000.0  # px; from here on the figure says nothing more
 
@@ -99,6 +101,35 @@ def _say_left_out(photo: LeftOut) -> None:
         say(f"  next: {photo.hint}")
 
 
+def say_forecast(panorama: Panorama, path: str, expected: Forecast) -> None:
+    """What is about to be written, in a line."""
+    crop = panorama.plan.crop
+    say(
+        f"writing {crop.width} x {crop.height} px ({crop.area / 1e6:.1f} megapixels) to {path}, "
+        f"in up to {in_words(expected.memory)} of memory"
+    )
+
+
+def say_dry_run(alignment: Alignment, panorama: Panorama, path: str, expected: Forecast, seconds: float) -> None:
+    """What would be written, and what it would take, a line each."""
+    crop, canvas = panorama.plan.crop, panorama.canvas
+    say(f"{path}: would be {crop.width} x {crop.height} px ({crop.area / 1e6:.1f} megapixels); nothing is written")
+    say(f"projection: {canvas.projection} ({canvas.reason})")
+    field = _field(alignment, panorama)
+    if field:
+        say(f"field of view: {field[0]:.1f} x {field[1]:.1f} degrees")
+    say(f"crop: {panorama.plan.crop_reason}")
+    say(f"exposure: {panorama.plan.light.reason}")
+    say(f"memory: up to {in_words(expected.memory)}, on {expected.threads} threads")
+    say(f"time: about {seconds:.1f} s for rendering and writing")
+
+
+def _field(alignment: Alignment, panorama: Panorama) -> list[float] | None:
+    """Degrees across and down; None for a flat subject, and where the middle of an edge shows nothing."""
+    field = panorama.canvas.field(panorama.plan.crop) if alignment.model == "rotation" else None
+    return [math.degrees(angle) for angle in field] if field else None
+
+
 def say_panorama(panorama: Panorama, path: str) -> None:
     """What was written, and what became of the light, a line each."""
     crop = panorama.plan.crop
@@ -130,6 +161,7 @@ def result(alignment: Alignment, panorama: Panorama | None = None, path: str = "
             "size": [crop.width, crop.height],
             "projection": panorama.canvas.projection,
             "projection_reason": panorama.canvas.reason,
+            "field_of_view": _field(alignment, panorama),
             "crop": panorama.plan.crop_reason,
             "gains": light.brightness.tolist(),
             "channel_gains": light.gains.tolist(),

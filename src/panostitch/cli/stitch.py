@@ -5,6 +5,7 @@ from typing import Any
 import click
 
 from panostitch.cli.options import every_stage, options_of, run_options
+from panostitch.cli.writing import check_dry_run, write, write_options
 
 
 @click.command("stitch")
@@ -13,6 +14,7 @@ from panostitch.cli.options import every_stage, options_of, run_options
 @click.option("--save-project", metavar="FILE.pano.json", default=None, help="Keep the alignment, for `render`.")
 @click.option("--pto", metavar="FILE.pto", default=None, help="Write cameras and panorama for Hugin as well.")
 @every_stage
+@write_options
 @run_options
 def command(photos: tuple[str, ...], output: str, save_project: str | None, pto: str | None, **given: Any) -> int:
     """Stitch PHOTOS (files, folders, globs, @list.txt, - for a list on standard input) into a panorama."""
@@ -24,6 +26,7 @@ def command(photos: tuple[str, ...], output: str, save_project: str | None, pto:
     from panostitch.io import pto as hugin
 
     options, run = options_of(given), executor(given)
+    check_dry_run({**given, "save_project": save_project, "pto": pto})
     opened = open_given(photos)
     inputs = [photo.path for photo in opened]
     writers.check_output(output, overwrite=given["overwrite"], inputs=inputs)
@@ -43,13 +46,10 @@ def command(photos: tuple[str, ...], output: str, save_project: str | None, pto:
         if pto:
             seen, plan = look(alignment, options.layout), panorama.plan
             exactness = hugin.write_pto(seen, pto, panorama.canvas, crop=plan.crop, light=plan.light)
-        writers.write_panorama(panorama, output, options.output, run=run, trace=trace)
+        write(alignment, panorama, output, options, given=given, run=run, trace=trace)
     if not given["quiet"]:
-        report.say_panorama(panorama, output)
         if pto and (exactness.poor or given["verbose"]):
             report.say(f"note: {pto}: {exactness}")
         if given["debug_dir"]:
             report.say(f"{given['debug_dir']}: a picture of every stage")
-    if given["as_json"]:
-        report.print_json(report.result(alignment, panorama, output))
     return report.exit_code(alignment)

@@ -3,7 +3,8 @@
 from functools import partial
 
 from panostitch.compositing.compose import compose
-from panostitch.compositing.cost import decoding_bytes, photo_budget, tile_bytes
+from panostitch.compositing.cost import decoded_bytes, decoding_bytes, photo_budget, tile_bytes
+from panostitch.compositing.frame import frame
 from panostitch.compositing.layout import lay_out
 from panostitch.compositing.plan import make_plan
 from panostitch.compositing.warp import decoded_photos
@@ -12,7 +13,7 @@ from panostitch.model.canvas import Canvas
 from panostitch.model.panorama import Panorama, Plan
 from panostitch.options import CompositingOptions
 
-__all__ = ["decoding_bytes", "lay_out", "make_panorama", "make_plan"]
+__all__ = ["decoding_bytes", "frame", "lay_out", "make_panorama", "make_plan"]
 
 
 def make_panorama(
@@ -21,4 +22,5 @@ def make_panorama(
     """The panorama as a function of a region; `memory` is what the whole program may take, in bytes."""
     budget = photo_budget(alignment.photos, memory)
     read = partial(compose, alignment, canvas, plan, options, decoded_photos(budget))
-    return Panorama(canvas, plan, read, partial(tile_bytes, alignment.photos, canvas, plan, options), budget)
+    kept = min(budget, decoded_bytes(alignment.photos))
+    return Panorama(canvas, plan, read, partial(tile_bytes, alignment.photos, canvas, plan, options), kept)

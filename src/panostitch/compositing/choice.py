@@ -1,15 +1,13 @@
 """Which projection shows the view: by its field of view, or as asked where that is possible."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from panostitch.compositing.coverage import arc
+from panostitch.compositing.field import View
 from panostitch.errors import UsageError
 from panostitch.geometry.projections import PROJECTIONS
-from panostitch.model.camera import Camera
 from panostitch.options import LayoutOptions
 
 Floats = NDArray[np.float64]
@@ -29,25 +27,26 @@ class Choice:
     reason: str
 
 
-def choose_projection(cameras: Sequence[Camera], rays: Floats, options: LayoutOptions) -> Choice:
-    """The projection for photos that cover these rays. Raises UsageError where a forced one cannot show them."""
+def choose_projection(view: View, options: LayoutOptions) -> Choice:
+    """The projection for a view. Raises UsageError where a forced one cannot show it."""
     if options.projection == "auto":
-        return _by_field(cameras, rays)
+        return _by_field(view)
     if options.projection == "little-planet":
         return Choice("stereographic", (), "a little planet, as asked")
     parameters = (options.panini_distance,) if options.projection == "panini" else ()
-    if not _shown(options.projection, parameters, rays):
+    if not _shown(options.projection, parameters, view.rays):
         others = "little-planet" if options.projection == "stereographic" else "auto"
         raise UsageError(
-            f"--projection {options.projection} cannot show this: {_field(cameras, rays)}",
+            f"--projection {options.projection} cannot show this: {_in_words(view)}",
             hint=f"use --projection equirectangular, which shows every view, or {others}",
         )
     return Choice(options.projection, parameters, "as asked")
 
 
-def _by_field(cameras: Sequence[Camera], rays: Floats) -> Choice:
-    wide, high = np.nanmax(np.abs(_longitudes(rays))), _highest(rays)
-    field = _field(cameras, rays)
+def _by_field(view: View) -> Choice:
+    wide = max(np.nanmax(np.abs(_longitudes(view.rays))), view.across / 2)
+    high = _highest(view.rays)
+    field = _in_words(view)
     if wide < RECTILINEAR_UNTIL and high < RECTILINEAR_UNTIL:
         return Choice("rectilinear", (), f"{field}: narrow enough to keep all lines straight")
     if high < CYLINDRICAL_UNTIL:
@@ -62,8 +61,8 @@ def _shown(name: str, parameters: tuple[float, ...], rays: Floats) -> bool:
     return bool((np.abs(ends) <= FARTHEST).all())
 
 
-def _field(cameras: Sequence[Camera], rays: Floats) -> str:
-    width, height = np.rad2deg(arc(cameras)[1]), np.rad2deg(_highest(rays))
+def _in_words(view: View) -> str:
+    width, height = np.rad2deg(view.width), np.rad2deg(_highest(view.rays))
     return f"the view is {width:.0f} degrees wide and reaches {height:.0f} degrees from the horizon"
 
 

@@ -25,7 +25,7 @@ def compose(
     """The pixels of a region of the canvas. The same pixels come out however the canvas is cut into regions."""
     blender = BLENDERS[options.blender]
     tile = with_halo(plan, options, region)
-    pieces = _pieces(alignment, canvas, plan, decoded, tile)
+    pieces = _pieces(alignment, canvas, plan, decoded, tile, region)
     composite, covered = hard_composite(pieces, (tile.height, tile.width))
     changes = [_change(plan, canvas, piece.photo, tile) for piece in pieces]
     blended = blender.join(pieces, changes, composite, plan.factor)
@@ -39,23 +39,39 @@ def with_halo(plan: Plan, options: CompositingOptions, region: Region) -> Region
     return region.grown(BLENDERS[options.blender].reach(plan.factor) * plan.factor, multiple=plan.factor)
 
 
-def _pieces(alignment: Alignment, canvas: Canvas, plan: Plan, decoded: Decoded, tile: Region) -> list[Piece]:
-    """The photos that own a part of the tile or lie next to it, each with the part it owns."""
+def _pieces(
+    alignment: Alignment, canvas: Canvas, plan: Plan, decoded: Decoded, tile: Region, region: Region
+) -> list[Piece]:
+    """The photos that own a part of the tile or lie next to it, each with the part it owns.
+
+    Where there is but one, no pixel looks at another one, and what lies around the region is left blank.
+    """
     labels = label_rectangle(plan, canvas, tile)
     photos = [int(n) for n in np.unique(labels)]
     layers = []
     for n in photos:
         photo, camera = alignment.photos[n], alignment.cameras[n]
         raster, camera = decoded.get(n, partial(read_for, photo, camera, canvas))
-        layer = warp(raster, camera, canvas, tile, interpolation=cv2.INTER_CUBIC)
-        factor = factors(plan.light, n, camera, canvas, tile)
-        layers.append((expose(layer.pixels, factor), layer.mask))
+        seen = region if len(photos) == 1 else tile
+        layer = warp(raster, camera, canvas, seen, interpolation=cv2.INTER_CUBIC)
+        pixels = expose(layer.pixels, factors(plan.light, n, camera, canvas, seen))
+        layers.append(_framed(pixels, layer.mask, seen, tile))
     owner = _owners(labels, photos, [mask for _, mask in layers], plan.factor)
     whole = (slice(0, tile.height), slice(0, tile.width))
     return [
         Piece(n, whole, pixels, mask, owner == k)
         for k, (n, (pixels, mask)) in enumerate(zip(photos, layers, strict=True))
     ]
+
+
+def _framed(pixels: Floats, mask: NDArray[np.bool_], seen: Region, tile: Region) -> tuple[Floats, NDArray[np.bool_]]:
+    """Pixels and mask of a region in the arrays of a tile around it."""
+    if seen == tile:
+        return pixels, mask
+    inner, size = seen.within(tile), (tile.height, tile.width)
+    framed, covered = np.zeros((*size, 3), np.float32), np.ones(size, bool)
+    framed[inner], covered[inner] = pixels, mask
+    return framed, covered
 
 
 def _owners(

@@ -31,6 +31,11 @@ def decoding_bytes(photos: Sequence[Photo]) -> int:
     return DECODING * _largest(photos)
 
 
+def decoded_bytes(photos: Sequence[Photo]) -> int:
+    """Bytes that all photos take, decoded."""
+    return DECODED * sum(photo.size[0] * photo.size[1] for photo in photos)
+
+
 def photo_budget(photos: Sequence[Photo], memory: int | None) -> int:
     """Bytes for photos that are kept decoded: a part of what a limit leaves, but at least the largest photo."""
     if memory is None:

@@ -21,7 +21,7 @@ def rays_over(cameras: Sequence[Camera]) -> Floats:
 
 def shows_pole(cameras: Sequence[Camera]) -> bool:
     """Whether a photo shows the zenith or the nadir."""
-    return bool(_seen(cameras, np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])).any())
+    return bool(covered_rays(cameras, np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])).any())
 
 
 def arc(cameras: Sequence[Camera]) -> tuple[float, float]:
@@ -64,13 +64,14 @@ def _at_ends(cameras: Sequence[Camera]) -> Floats:
     horizon = [np.column_stack([np.sin(behind), s * HAIR * one, np.cos(behind)]) for s in (-1, 1)]
     rings = [np.column_stack([y, -one, x]), np.column_stack([y, one, x]), np.column_stack([x, y, -one])]
     rays = np.vstack([*rings, *horizon])
-    return np.asarray(rays[_seen(cameras, rays)])
+    return np.asarray(rays[covered_rays(cameras, rays)])
 
 
-def _seen(cameras: Sequence[Camera], rays: Floats) -> NDArray[np.bool_]:
-    """Which rays (n,) a photo shows."""
+def covered_rays(cameras: Sequence[Camera], rays: Floats) -> NDArray[np.bool_]:
+    """Which rays (n,) a photo shows; none that are NaN."""
     seen = np.zeros(len(rays), bool)
-    for camera in cameras:
-        xy = camera.project(rays)
-        seen |= ((xy >= -0.5) & (xy <= np.array(camera.size) - 0.5)).all(1)
+    with np.errstate(invalid="ignore"):
+        for camera in cameras:
+            xy = camera.project(rays)
+            seen |= ((xy >= -0.5) & (xy <= np.array(camera.size) - 0.5)).all(1)
     return seen

@@ -1,5 +1,7 @@
 """The part of the canvas that is kept: the largest rectangle inside what the photos cover."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,6 +9,13 @@ from panostitch.model.canvas import Region
 
 COARSE = 320  # px: the search for the rectangle is quick up to here
 KEEP_AT_LEAST = 0.6  # of the covered area: if the rectangle holds less, cutting would lose too much of the view
+
+
+class Crop(NamedTuple):
+    """The part of a canvas that is kept, and why, in a few words."""
+
+    region: Region
+    reason: str
 
 
 def largest_rectangle(covered: NDArray[np.bool_]) -> Region:
@@ -75,15 +84,16 @@ def surely_covered(covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return inner
 
 
-def choose_crop(covered: NDArray[np.bool_], rule: str) -> tuple[Region, str]:
-    """The part of a coverage mask to keep by the rule auto, full or none, and why, in a few words."""
+def choose_crop(covered: NDArray[np.bool_], rule: str) -> Crop:
+    """The part of a coverage mask to keep by the rule auto, full or none."""
     box = bounding_box(covered)
     if rule == "none" or not box:
-        return box, "the whole view, not cropped"
+        whole = Region(0, 0, covered.shape[1], covered.shape[0])
+        return Crop(whole if box else box, "the whole canvas, not cropped")
     rectangle = largest_rectangle(surely_covered(covered))
     kept = rectangle.area / max(int(covered.sum()), 1)
     if rule == "full" and rectangle:
-        return rectangle, f"the largest full rectangle, {kept:.0%} of the view"
+        return Crop(rectangle, f"the largest full rectangle, {kept:.0%} of the view")
     if kept < KEEP_AT_LEAST:
-        return box, f"not cropped: the largest full rectangle would keep only {kept:.0%} of the view"
-    return rectangle, f"the largest full rectangle, {kept:.0%} of the view"
+        return Crop(box, f"not cropped: the largest full rectangle would keep only {kept:.0%} of the view")
+    return Crop(rectangle, f"the largest full rectangle, {kept:.0%} of the view")

@@ -9,14 +9,16 @@ from numpy.typing import NDArray
 
 from panostitch.compositing.blend import BLENDERS
 from panostitch.compositing.blend.pieces import Piece, fill, hard_composite
-from panostitch.compositing.crop import choose_crop, surely_covered
+from panostitch.compositing.coverage import covered_rays
+from panostitch.compositing.crop import Crop, choose_crop, surely_covered
 from panostitch.compositing.exposure import EXPOSURE
 from panostitch.compositing.light import expose, with_fall_off
 from panostitch.compositing.overlaps import Squares
 from panostitch.compositing.seams import SEAMS, extend
 from panostitch.compositing.warp import coordinates, footprints, read_for, warp
-from panostitch.errors import AlignmentError
+from panostitch.errors import AlignmentError, UsageError
 from panostitch.model.alignment import Alignment
+from panostitch.model.camera import Camera
 from panostitch.model.canvas import Canvas, Layer, Region
 from panostitch.model.light import Light, radius_square
 from panostitch.model.panorama import NOBODY, Plan
@@ -28,13 +30,16 @@ from panostitch.runtime.trace import Trace, silent
 Placed = list[tuple[int, Layer]]
 
 PLAN_PIXELS = 1.0e6  # of the reduced canvas: seams to a few pixels, in memory and time that do not matter
+LARGE_PLAN = 2.0e6  # of that of a huge canvas: it takes memory, but tiles with seams need narrower halos
+LARGE_FROM = 16  # times smaller
 MAX_FACTOR = 64
 
 
 def reduction(canvas: Canvas) -> int:
     """The power of two by which the canvas is reduced for the plan."""
     factor = 1
-    while canvas.size[0] * canvas.size[1] / factor**2 > PLAN_PIXELS and factor < MAX_FACTOR:
+    area = canvas.size[0] * canvas.size[1]
+    while area / factor**2 > (PLAN_PIXELS if factor < LARGE_FROM else LARGE_PLAN) and factor < MAX_FACTOR:
         factor *= 2
     return factor
 
@@ -43,12 +48,15 @@ def make_plan(
     alignment: Alignment,
     canvas: Canvas,
     options: CompositingOptions,
-    crop: str,
+    crop: str | Crop,
     *,
     run: Executor = serial,
     trace: Trace = silent,
 ) -> Plan:
-    """The plan of a panorama. Raises AlignmentError where no photo falls on the canvas."""
+    """The plan of a panorama, cropped by a rule or to a region of the canvas.
+
+    Raises AlignmentError where no photo falls on the canvas, UsageError where none falls into the region.
+    """
     factor = reduction(canvas)
     small = canvas.reduced(factor)
     places = footprints(alignment.cameras, small)
@@ -66,25 +74,47 @@ def make_plan(
     composite, _ = hard_composite(owned, covered.shape)
     blended = BLENDERS[options.blender].blend_reduced(owned, extended, composite, small, factor)
     picture = composite if blended is None else blended
-    kept, reason = choose_crop(covered, crop)
+    kept, reason = crop if isinstance(crop, Crop) else at_full_size(choose_crop(covered, crop), canvas, factor)
+    cells = kept.grown(0, multiple=factor).divided(factor)
+    if not covered[cells.within(small.region)].any():
+        raise UsageError("no photo shows anything of what was asked for", hint="look at the whole with --crop none")
     if trace is not silent:  # pictures that nobody else needs
         unexposed, _ = hard_composite([_piece(n, layer, extended, small.region) for n, layer in pieces], covered.shape)
         trace("compositing.exposed", photos=alignment.photos, light=light, before=unexposed, after=composite)
         trace("compositing.seamed", labels=labels, picture=composite, names=[p.name for p in alignment.photos])
         _trace_bands(picture, trace)
-    trace("compositing.cropped", picture=picture, coverage=covered, crop=kept, reason=reason)
+    trace("compositing.cropped", picture=picture, coverage=covered, crop=cells, reason=reason)
     changes = _changes(count, exposed, blended, small)
-    whole = _fully_covered(covered, kept, canvas, factor)
-    return Plan(light, factor, extended, changes, kept.times(factor) & canvas.region, reason, whole)
+    whole = _fully_covered(covered, cells, alignment.cameras, small, exact=factor == 1)
+    return Plan(light, factor, extended, changes, kept, reason, whole)
 
 
-def _fully_covered(covered: NDArray[np.bool_], crop: Region, canvas: Canvas, factor: int) -> bool:
-    """Whether photos surely cover all pixels of the crop, as far as the reduced mask tells."""
-    if factor == 1:
-        return bool(covered[crop.within(canvas.region)].all())
-    # the photos' edges run through the outermost pixels, unless the canvas goes on at its other side
-    framed = np.pad(np.pad(covered, ((1, 1), (0, 0))), ((0, 0), (1, 1)), mode="wrap" if canvas.wraps else "constant")
-    return bool(surely_covered(framed)[1:-1, 1:-1][crop.within(canvas.reduced(factor).region)].all())
+def coverage(alignment: Alignment, canvas: Canvas, *, run: Executor = serial) -> NDArray[np.bool_]:
+    """Which pixels (h, w) of a canvas, reduced already, photos cover."""
+    covered = np.zeros(canvas.size[::-1], bool)
+    for _, layer in _warp_all(alignment, canvas, footprints(alignment.cameras, canvas), run, silent):
+        covered[layer.region.within(canvas.region)] |= layer.mask
+    return covered
+
+
+def at_full_size(crop: Crop, canvas: Canvas, factor: int) -> Crop:
+    """A crop of the reduced canvas on the canvas itself."""
+    return crop._replace(region=crop.region.times(factor) & canvas.region)
+
+
+def _fully_covered(
+    covered: NDArray[np.bool_], crop: Region, cameras: Sequence[Camera], small: Canvas, *, exact: bool
+) -> bool:
+    """Whether photos surely cover all pixels of a crop of the reduced canvas, as far as its mask tells."""
+    if exact or not covered[crop.within(small.region)].all():
+        return bool(covered[crop.within(small.region)].all())
+    framed = np.pad(np.pad(covered, ((1, 1), (0, 0))), ((0, 0), (1, 1)), mode="wrap" if small.wraps else "constant")
+    # beyond the edge there is no mask; a canvas that shows a part of the view goes on there, others end with the photos
+    ring = np.ones(framed.shape, bool)
+    ring[1:-1, 0 if small.wraps else 1 : None if small.wraps else -1] = False
+    y, x = np.nonzero(ring)
+    framed[y, x] = covered_rays(cameras, small.rays(np.column_stack([x - 1.0, y - 1.0])))
+    return bool(surely_covered(framed)[1:-1, 1:-1][crop.within(small.region)].all())
 
 
 def _warp_all(

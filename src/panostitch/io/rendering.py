@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import cv2
 import numpy as np
@@ -38,6 +38,14 @@ class Preview:
             place[...] = cv2.resize(pixels[..., :3], place.shape[1::-1], interpolation=cv2.INTER_AREA)
 
 
+class Finished(Protocol):
+    """A place for the tiles of a picture that are made already."""
+
+    def get(self, tile: Region, make: Callable[[], Pixels], /) -> Pixels:
+        """The pixels of a tile, made where they are not there."""
+        ...
+
+
 @dataclass(frozen=True)
 class Rendering:
     """A panorama on its way into a file. The order and the size of its tiles depend on nothing but the picture."""
@@ -45,6 +53,7 @@ class Rendering:
     panorama: Panorama
     run: Executor
     preview: Preview | None = None
+    finished: Finished | None = None
 
     @property
     def crop(self) -> Region:
@@ -54,7 +63,7 @@ class Rendering:
     @property
     def channels(self) -> int:
         """3, or 4 with alpha, where the photos do not cover the whole picture."""
-        return 3 if self.panorama.plan.covered else 4
+        return self.panorama.channels
 
     def map(self, work: Callable[[Region, Pixels], Result]) -> Iterator[Result]:
         """What `work` makes of each tile's region and pixels (h, w, channels), in threads; row by row."""
@@ -66,9 +75,13 @@ class Rendering:
 
     def pixels(self, region: Region) -> Pixels:
         """RGB or RGBA (h, w, channels) of a region of the canvas."""
-        pixels, mask = read_tile(self.panorama, region)
+        picture = self.finished.get(region, lambda: self._made(region)) if self.finished else self._made(region)
         if self.preview:
-            self.preview.add(region, pixels)
+            self.preview.add(region, picture)
+        return picture
+
+    def _made(self, region: Region) -> Pixels:
+        pixels, mask = read_tile(self.panorama, region)
         return pixels if self.channels == 3 else np.dstack([pixels, mask])
 
     def whole(self, channels: int) -> Pixels:

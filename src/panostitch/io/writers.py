@@ -7,34 +7,27 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import IO
 
 import cv2
 import numpy as np
 
-from panostitch.errors import LimitError, OutputError
+from panostitch.errors import OutputError
 from panostitch.io.atomic import replacing, write_bytes
-from panostitch.io.png import band_bytes, write_png
+from panostitch.io.limits import JPEG, TIFF, bounded, channels_in, check_sides
+from panostitch.io.partial import FinishedTiles
+from panostitch.io.png import write_png
 from panostitch.io.rendering import Pixels, Preview, Rendering, read_tile, tiles_of
 from panostitch.io.tiff import write_tiff
-from panostitch.model.canvas import Region
 from panostitch.model.panorama import Panorama
 from panostitch.options import OutputOptions
-from panostitch.runtime import memory
 from panostitch.runtime.executor import Executor, serial
 from panostitch.runtime.trace import Trace, silent
 
-__all__ = ["assemble", "check_output", "write_bytes", "write_panorama", "write_picture"]
+__all__ = ["assemble", "check_output", "encode_panorama", "write_bytes", "write_panorama", "write_picture"]
 
 EXTENSIONS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp")
-JPEG = (".jpg", ".jpeg")
-JPEG_LIMIT = 65_500  # px a side
-WEBP_LIMIT = 16_383  # px a side
 PNG_LEVEL = 3  # a quarter of the time of the best compression for a few per cent of size
-ENCODING = {3: 6, 4: 14}  # bytes a pixel that pictures of so many channels take while they are encoded whole
-FINISHED = 6  # tiles a thread, encoded or not, that wait until they are written
-NO_STREAM = (
-    "write a .tif, which is written as it is made; allow more with --max-memory; or make it smaller with --scale"
-)
 
 
 def check_output(path: str, *, overwrite: bool, inputs: Sequence[str] = (), extensions: Sequence[str] = ()) -> None:
@@ -61,60 +54,38 @@ def check_output(path: str, *, overwrite: bool, inputs: Sequence[str] = (), exte
 
 
 def write_panorama(
-    panorama: Panorama, path: str, options: OutputOptions, *, run: Executor = serial, trace: Trace = silent
+    panorama: Panorama,
+    path: str,
+    options: OutputOptions,
+    *,
+    run: Executor = serial,
+    trace: Trace = silent,
+    finished: FinishedTiles | None = None,
 ) -> None:
-    """Render the cropped panorama and write it.
+    """Render the cropped panorama and write it; tiles that are `finished` already are not made again.
 
     Raises OutputError; LimitError for a JPEG or WebP of impossible size, or where memory does not suffice.
     """
-    crop, extension = panorama.plan.crop, Path(path).suffix.lower()
-    _check_sides(path, extension, crop)
+    crop = panorama.plan.crop
+    check_sides(path, crop)
     preview = None if trace is silent else Preview(crop)
-    picture = Rendering(panorama, run, preview)
-    picture = replace(picture, run=_bounded(picture, extension, options))
+    picture = Rendering(panorama, run, preview, finished)
+    picture = replace(picture, run=bounded(picture, path, options))
     with replacing(path) as file:
-        if extension in (".tif", ".tiff"):
-            write_tiff(file, path, picture, options)
-        elif extension == ".png":
-            write_png(file, picture)
-        else:
-            file.write(_encode(path, picture.whole(_channels(picture, extension)), quality=options.quality).data)
+        encode_panorama(file, path, picture, options)
     if preview:
         trace("panorama.written", path=path, size=(crop.width, crop.height), preview=preview.pixels)
 
 
-def _check_sides(path: str, extension: str, crop: Region) -> None:
-    """Raise LimitError where the format has no such sizes."""
-    limit = JPEG_LIMIT if extension in JPEG else WEBP_LIMIT if extension == ".webp" else None
-    if limit and max(crop.width, crop.height) > limit:
-        name = "JPEG" if extension in JPEG else "WebP"
-        raise LimitError(
-            f"{path}: a {name} has at most {limit} px a side, this would be {crop.width} x {crop.height}",
-            hint="write a .tif or .png, or make it smaller with --scale",
-        )
-
-
-def _bounded(picture: Rendering, extension: str, options: OutputOptions) -> Executor:
-    """The threads that --max-memory allows. Raises LimitError where it allows none."""
-    if options.memory is None:
-        return picture.run
-    crop, channels = picture.crop, _channels(picture, extension)
-    streams = extension in (".tif", ".tiff")
-    whole = 0 if streams else crop.area * ENCODING[channels]
-    held = min(whole, 2 * band_bytes(crop, channels)) if extension == ".png" else whole
-    tiles = tiles_of(crop)
-    each = max(map(picture.panorama.cost, tiles)) + FINISHED * max(tile.area for tile in tiles) * channels
-    return memory.within(
-        picture.run,
-        options.memory,
-        each=each,
-        besides=picture.panorama.kept + held,
-        hint="" if streams else NO_STREAM,
-    )
-
-
-def _channels(picture: Rendering, extension: str) -> int:
-    return 3 if extension in JPEG else picture.channels
+def encode_panorama(file: IO[bytes], path: str, picture: Rendering, options: OutputOptions) -> None:
+    """Write a picture into a file, in the format of the path. Raises OutputError."""
+    extension = Path(path).suffix.lower()
+    if extension in TIFF:
+        write_tiff(file, path, picture, options)
+    elif extension == ".png":
+        write_png(file, picture)
+    else:
+        file.write(_encode(path, picture.whole(channels_in(picture, path)), quality=options.quality).data)
 
 
 def assemble(panorama: Panorama, *, run: Executor = serial) -> tuple[Pixels, Pixels]:

@@ -119,6 +119,19 @@ class Canvas:
             xy[:, 0] = (xy[:, 0] + 0.5) % (projection.period * self.scale) - 0.5
         return xy
 
+    def field(self, region: Region) -> tuple[float, float] | None:
+        """Radians that a region shows along its middle row and its middle column; None where they end before it."""
+        x, y = (region.x + region.right - 1) / 2, (region.y + region.bottom - 1) / 2
+        ends = [(region.x - 0.5, y), (x, y), (region.right - 0.5, y), (x, region.y - 0.5), (x, region.bottom - 0.5)]
+        rays = self.rays(np.array(ends))
+        # a hair's breadth beyond the pole there is nothing
+        if not np.isfinite(rays).all():
+            return None
+        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+        left, right, up, down = (float(np.arccos(np.clip(rays[1] @ rays[n], -1, 1))) for n in (0, 2, 3, 4))
+        across = region.width / self.scale if PROJECTIONS[self.projection].period else left + right
+        return across, up + down
+
     def reduced(self, factor: int) -> "Canvas":
         """The canvas at 1 / `factor` of its size, rounded up; each pixel covers `factor` x `factor` of this one.
 

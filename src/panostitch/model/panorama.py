@@ -56,3 +56,8 @@ class Panorama:
     read: Callable[[Region], Layer]
     cost: Callable[[Region], int] = typical_cost
     kept: int = 0
+
+    @property
+    def channels(self) -> int:
+        """3, or 4 with alpha, where the photos do not cover the whole picture."""
+        return 3 if self.plan.covered else 4

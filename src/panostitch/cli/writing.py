@@ -1,0 +1,82 @@
+"""What `stitch` and `render` share: what is about to be written, `--dry-run`, `--resume`, and the writing itself."""
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from panostitch.errors import UsageError
+
+if TYPE_CHECKING:
+    from panostitch.cli.options import Command
+    from panostitch.model.alignment import Alignment
+    from panostitch.model.panorama import Panorama
+    from panostitch.options import Options
+    from panostitch.runtime.executor import Executor
+    from panostitch.runtime.trace import Trace
+
+BESIDES = ("debug_dir", "save_project", "pto")  # options that write something else than the panorama
+
+
+def write_options(command: "Command") -> "Command":
+    """Options of every command that writes one panorama."""
+    for decorate in (
+        click.option(
+            "--resume", is_flag=True, help="Go on from the tiles that a killed run left in PANORAMA.partial; keep them."
+        ),
+        click.option(
+            "--dry-run", is_flag=True, help="Say how large the panorama will be and what it takes, then stop."
+        ),
+    ):
+        command = decorate(command)
+    return command
+
+
+def check_dry_run(given: dict[str, Any]) -> None:
+    """Raise UsageError where a dry run would have to write something."""
+    wrong = [f"--{name.replace('_', '-')}" for name in BESIDES if given.get(name)]
+    if given["dry_run"] and (wrong or given["resume"]):
+        other = wrong[0] if wrong else "--resume"
+        raise UsageError(f"--dry-run writes nothing, {other} would", hint="leave one of them out")
+
+
+def write(
+    alignment: "Alignment",
+    panorama: "Panorama",
+    output: str,
+    options: "Options",
+    *,
+    given: dict[str, Any],
+    run: "Executor",
+    trace: "Trace",
+) -> None:
+    """Say what comes, and write it, unless the user only wants to know. Prints the result as JSON where asked for."""
+    from panostitch.cli import report
+    from panostitch.io import forecast, writers
+    from panostitch.io.partial import EXTENSION, fingerprint, finished_tiles
+
+    expected = forecast.forecast(panorama, output, options.output, run=run)
+    if given["dry_run"]:
+        seconds = forecast.expected_seconds(panorama, output, options.output, threads=expected.threads)
+        if not given["quiet"]:
+            report.say_dry_run(alignment, panorama, output, expected, seconds)
+        if given["as_json"]:
+            foreseen = {"memory": expected.memory, "threads": expected.threads, "seconds": seconds}
+            report.print_json(report.result(alignment, panorama) | {"forecast": foreseen})
+        return
+    if not given["quiet"]:
+        report.say_forecast(panorama, output, expected)
+    if given["resume"]:
+        with finished_tiles(output, fingerprint(alignment, options), panorama) as finished:
+            if finished.note and not given["quiet"]:
+                report.say(f"{output}{EXTENSION}: {finished.note}")
+            try:
+                writers.write_panorama(panorama, output, options.output, run=run, trace=trace, finished=finished)
+            except KeyboardInterrupt:
+                report.say(f"{output}{EXTENSION}: the same command goes on from the tiles that are finished")
+                raise
+    else:
+        writers.write_panorama(panorama, output, options.output, run=run, trace=trace)
+    if not given["quiet"]:
+        report.say_panorama(panorama, output)
+    if given["as_json"]:
+        report.print_json(report.result(alignment, panorama, output))

@@ -1,0 +1,69 @@
+"""What writing a panorama will take, before it is begun."""
+
+import io
+import os
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from panostitch.io.limits import bounded, check_sides, need
+from panostitch.io.rendering import Rendering, tiles_of
+from panostitch.io.writers import encode_panorama
+from panostitch.model.canvas import Region
+from panostitch.model.panorama import NOBODY, Panorama, Plan
+from panostitch.options import OutputOptions
+from panostitch.runtime.executor import Executor
+from panostitch.runtime.memory import SLACK, resident
+
+SAMPLES = 5  # tiles, spread over the picture, that are made to see how long they take
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a panorama will take: bytes of memory at most, on so many threads."""
+
+    memory: int
+    threads: int
+
+
+def forecast(panorama: Panorama, path: str, options: OutputOptions, *, run: Executor) -> Forecast:
+    """Memory for a panorama. Raises LimitError where its format is too small, or --max-memory."""
+    check_sides(path, panorama.plan.crop)
+    picture = Rendering(panorama, run)
+    threads = min(bounded(picture, path, options).threads, len(tiles_of(panorama.plan.crop)))
+    needed = need(picture, path)
+    return Forecast(int((resident() + needed.besides + threads * needed.each) * SLACK), threads)
+
+
+def expected_seconds(panorama: Panorama, path: str, options: OutputOptions, *, threads: int) -> float:
+    """Time for rendering and writing a panorama, measured on a few of its tiles.
+
+    Each is made twice: what the first time takes longer is the decoding of the photos that it shows.
+    """
+    plan = panorama.plan
+    tiles = tiles_of(plan.crop)
+    chosen = (
+        [tiles[len(tiles) * (2 * n + 1) // (2 * SAMPLES)] for n in range(SAMPLES)] if len(tiles) > SAMPLES else tiles
+    )
+    first, again = (sum(_seconds(panorama, path, options, tile) for tile in chosen) for _ in range(2))
+    photos, shown = _photos(plan, [plan.crop]), _photos(plan, chosen)
+    decoding = max(first - again, 0.0) * photos / max(shown, 1)
+    share = plan.crop.area / sum(tile.area for tile in chosen)
+    return (again * share + decoding) / max(1, min(threads, os.cpu_count() or 1))
+
+
+def _seconds(panorama: Panorama, path: str, options: OutputOptions, tile: Region) -> float:
+    """What it takes to make a tile and to encode it as a picture of its own."""
+    picture = Rendering(replace(panorama, plan=replace(panorama.plan, crop=tile)), Executor())
+    began = time.perf_counter()
+    encode_panorama(io.BytesIO(), path, picture, replace(options, pyramid="none"))
+    return time.perf_counter() - began
+
+
+def _photos(plan: Plan, regions: list[Region]) -> int:
+    """How many photos these regions show."""
+    height, width = plan.labels.shape
+    cells = [region.grown(0, multiple=plan.factor).divided(plan.factor) for region in regions]
+    whole = Region(0, 0, width, height)
+    return len(set(np.concatenate([plan.labels[(cell & whole).within(whole)].ravel() for cell in cells])) - {NOBODY})

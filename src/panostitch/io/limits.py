@@ -1,0 +1,66 @@
+"""What file formats can hold, and what memory it takes to write them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from panostitch.errors import LimitError
+from panostitch.io.png import band_bytes
+from panostitch.io.rendering import Rendering, tiles_of
+from panostitch.model.canvas import Region
+from panostitch.options import OutputOptions
+from panostitch.runtime import memory
+from panostitch.runtime.executor import Executor
+
+TIFF = (".tif", ".tiff")
+JPEG = (".jpg", ".jpeg")
+SIDES = {".jpg": 65_500, ".jpeg": 65_500, ".webp": 16_383}  # px, where a format has a limit that matters
+ENCODING = {3: 6, 4: 14}  # bytes a pixel that pictures of so many channels take while they are encoded whole
+FINISHED = 6  # tiles a thread, encoded or not, that wait until they are written
+NO_STREAM = (
+    "write a .tif, which is written as it is made; allow more with --max-memory; or make it smaller with --scale"
+)
+
+
+@dataclass(frozen=True)
+class Need:
+    """Bytes of memory that writing takes: for each thread, and besides."""
+
+    each: int
+    besides: int
+
+
+def check_sides(path: str, crop: Region) -> None:
+    """Raise LimitError where the format of a path has no such sizes."""
+    extension = Path(path).suffix.lower()
+    limit = SIDES.get(extension)
+    if limit and max(crop.width, crop.height) > limit:
+        name = "JPEG" if extension in JPEG else "WebP"
+        raise LimitError(
+            f"{path}: a {name} has at most {limit} px a side, this would be {crop.width} x {crop.height}",
+            hint="write a .tif or .png, or make it smaller with --scale",
+        )
+
+
+def channels_in(picture: Rendering, path: str) -> int:
+    """Of the file: a JPEG has no alpha."""
+    return 3 if Path(path).suffix.lower() in JPEG else picture.channels
+
+
+def need(picture: Rendering, path: str) -> Need:
+    """What it takes to write a picture in the format of a path."""
+    crop, channels, extension = picture.crop, channels_in(picture, path), Path(path).suffix.lower()
+    held = 0 if extension in TIFF else crop.area * ENCODING[channels]
+    if extension == ".png":
+        held = min(held, 2 * band_bytes(crop, channels))
+    tiles = tiles_of(crop)
+    each = max(map(picture.panorama.cost, tiles)) + FINISHED * max(tile.area for tile in tiles) * channels
+    return Need(each, picture.panorama.kept + held)
+
+
+def bounded(picture: Rendering, path: str, options: OutputOptions) -> Executor:
+    """The threads that --max-memory allows. Raises LimitError where it allows none."""
+    if options.memory is None:
+        return picture.run
+    needed = need(picture, path)
+    hint = "" if Path(path).suffix.lower() in TIFF else NO_STREAM
+    return memory.within(picture.run, options.memory, each=needed.each, besides=needed.besides, hint=hint)
