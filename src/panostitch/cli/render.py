@@ -22,15 +22,16 @@ def command(project_file: str, output: str, **given: Any) -> int:
     from panostitch.io import pto as hugin
 
     options, run = options_of(given), executor(given)
+    writers.check_depth(output, options.output.depth)
     read = hugin.read_pto if project_file.lower().endswith(hugin.EXTENSION) else project.read_project
     alignment = read(project_file)
     inputs = [project_file, *(photo.path for photo in alignment.photos)]
     writers.check_output(output, overwrite=given["overwrite"], inputs=inputs)
     with debug_trace(given) as trace:
         panorama = pipeline.render(alignment, options, run=run, trace=trace)
-        writers.write_panorama(panorama, output, options.output, run=run, trace=trace)
+        written = writers.write_panorama(panorama, output, options.output, run=run, trace=trace)
     if not given["quiet"]:
-        report.say_panorama(panorama, output)
+        report.say_panorama(panorama, output, written)
     if given["as_json"]:
-        report.print_json(report.result(alignment, panorama, output))
+        report.print_json(report.result(alignment, panorama, output, written))
     return report.exit_code(alignment)

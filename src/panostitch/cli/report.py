@@ -4,7 +4,7 @@ import json
 import math
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -12,6 +12,9 @@ from panostitch.errors import EXIT_LEFT_OUT, EXIT_OK, PanostitchError
 from panostitch.model.alignment import Alignment, LeftOut, LinkSummary
 from panostitch.model.panorama import Panorama
 from panostitch.model.photo import natural_key
+
+if TYPE_CHECKING:
+    from panostitch.io.writers import Written
 
 NOWHERE_NEAR = 1000.0  # px; from here on the figure says nothing more
 
@@ -99,12 +102,15 @@ def _say_left_out(photo: LeftOut) -> None:
         say(f"  next: {photo.hint}")
 
 
-def say_panorama(panorama: Panorama, path: str) -> None:
-    """What was written, and what became of the light, a line each."""
+def say_panorama(panorama: Panorama, path: str, written: "Written") -> None:
+    """What was written, what became of the light, and what is to be known of the file, a line each."""
     crop = panorama.plan.crop
     canvas = panorama.canvas
-    say(f"{path}: {crop.width} x {crop.height} px, {canvas.projection} ({canvas.reason}); {panorama.plan.crop_reason}")
+    size = f"{crop.width} x {crop.height} px{', 16 bits' if written.depth == 16 else ''}"
+    say(f"{path}: {size}, {canvas.projection} ({canvas.reason}); {panorama.plan.crop_reason}")
     say(f"exposure: {panorama.plan.light.reason}")
+    for note in written.notes:
+        say(f"note: {path}: {note}")
 
 
 def say_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -120,14 +126,21 @@ def say_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         say("  ".join(cells).rstrip())
 
 
-def result(alignment: Alignment, panorama: Panorama | None = None, path: str = "") -> dict[str, Any]:
+def result(
+    alignment: Alignment,
+    panorama: Panorama | None = None,
+    path: str = "",
+    written: "Written | None" = None,
+) -> dict[str, Any]:
     """The result of a run for `--json`."""
     data = alignment.to_json()
-    if panorama:
+    if panorama and written:
         crop, light = panorama.plan.crop, panorama.plan.light
         data["panorama"] = {
             "path": path,
             "size": [crop.width, crop.height],
+            "depth": written.depth,
+            "notes": list(written.notes),
             "projection": panorama.canvas.projection,
             "projection_reason": panorama.canvas.reason,
             "crop": panorama.plan.crop_reason,

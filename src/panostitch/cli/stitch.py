@@ -24,6 +24,7 @@ def command(photos: tuple[str, ...], output: str, save_project: str | None, pto:
     from panostitch.io import pto as hugin
 
     options, run = options_of(given), executor(given)
+    writers.check_depth(output, options.output.depth)
     opened = open_given(photos)
     inputs = [photo.path for photo in opened]
     writers.check_output(output, overwrite=given["overwrite"], inputs=inputs)
@@ -43,13 +44,13 @@ def command(photos: tuple[str, ...], output: str, save_project: str | None, pto:
         if pto:
             seen, plan = look(alignment, options.layout), panorama.plan
             exactness = hugin.write_pto(seen, pto, panorama.canvas, crop=plan.crop, light=plan.light)
-        writers.write_panorama(panorama, output, options.output, run=run, trace=trace)
+        written = writers.write_panorama(panorama, output, options.output, run=run, trace=trace)
     if not given["quiet"]:
-        report.say_panorama(panorama, output)
+        report.say_panorama(panorama, output, written)
         if pto and (exactness.poor or given["verbose"]):
             report.say(f"note: {pto}: {exactness}")
         if given["debug_dir"]:
             report.say(f"{given['debug_dir']}: a picture of every stage")
     if given["as_json"]:
-        report.print_json(report.result(alignment, panorama, output))
+        report.print_json(report.result(alignment, panorama, output, written))
     return report.exit_code(alignment)

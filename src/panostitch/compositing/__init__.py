@@ -21,4 +21,5 @@ def make_panorama(
     """The panorama as a function of a region; `memory` is what the whole program may take, in bytes."""
     budget = photo_budget(alignment.photos, memory)
     read = partial(compose, alignment, canvas, plan, options, decoded_photos(budget))
-    return Panorama(canvas, plan, read, partial(tile_bytes, alignment.photos, canvas, plan, options), budget)
+    cost = partial(tile_bytes, alignment.photos, canvas, plan, options)
+    return Panorama(canvas, plan, read, cost, budget, alignment)

@@ -16,6 +16,12 @@ from panostitch.model.panorama import Plan
 from panostitch.options import CompositingOptions
 
 EDGE = 8  # px of the reduced canvas by which a change goes on beyond its photo's footprint, for the halo of tiles
+INTERPOLATION = {
+    "nearest": cv2.INTER_NEAREST,
+    "linear": cv2.INTER_LINEAR,
+    "cubic": cv2.INTER_CUBIC,
+    "lanczos": cv2.INTER_LANCZOS4,
+}
 LABEL_MARGIN = 2  # px of the reduced canvas around a tile, so that enlarging needs no edge
 
 
@@ -25,7 +31,7 @@ def compose(
     """The pixels of a region of the canvas. The same pixels come out however the canvas is cut into regions."""
     blender = BLENDERS[options.blender]
     tile = with_halo(plan, options, region)
-    pieces = _pieces(alignment, canvas, plan, decoded, tile)
+    pieces = _pieces(alignment, canvas, plan, options, decoded, tile)
     composite, covered = hard_composite(pieces, (tile.height, tile.width))
     changes = [_change(plan, canvas, piece.photo, tile) for piece in pieces]
     blended = blender.join(pieces, changes, composite, plan.factor)
@@ -39,7 +45,9 @@ def with_halo(plan: Plan, options: CompositingOptions, region: Region) -> Region
     return region.grown(BLENDERS[options.blender].reach(plan.factor) * plan.factor, multiple=plan.factor)
 
 
-def _pieces(alignment: Alignment, canvas: Canvas, plan: Plan, decoded: Decoded, tile: Region) -> list[Piece]:
+def _pieces(
+    alignment: Alignment, canvas: Canvas, plan: Plan, options: CompositingOptions, decoded: Decoded, tile: Region
+) -> list[Piece]:
     """The photos that own a part of the tile or lie next to it, each with the part it owns."""
     labels = label_rectangle(plan, canvas, tile)
     photos = [int(n) for n in np.unique(labels)]
@@ -47,7 +55,7 @@ def _pieces(alignment: Alignment, canvas: Canvas, plan: Plan, decoded: Decoded, 
     for n in photos:
         photo, camera = alignment.photos[n], alignment.cameras[n]
         raster, camera = decoded.get(n, partial(read_for, photo, camera, canvas))
-        layer = warp(raster, camera, canvas, tile, interpolation=cv2.INTER_CUBIC)
+        layer = warp(raster, camera, canvas, tile, interpolation=INTERPOLATION[options.interpolation])
         factor = factors(plan.light, n, camera, canvas, tile)
         layers.append((expose(layer.pixels, factor), layer.mask))
     owner = _owners(labels, photos, [mask for _, mask in layers], plan.factor)

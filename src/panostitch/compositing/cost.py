@@ -14,8 +14,8 @@ from panostitch.runtime.memory import resident
 
 TILE_PIXEL = 90  # bytes for each pixel of a tile with its halo
 PHOTO_PIXEL = 20  # bytes more for each photo that it shows
-DECODING = 8  # bytes for each pixel of a photo that is being decoded, its result among them
-DECODED = 4  # bytes for each pixel of a photo that is kept, with its mask
+DECODING = 8  # bytes for each pixel of a photo of 8 bits that is being decoded, its result among them
+DECODED = 4  # bytes for each pixel of a photo of 8 bits that is kept, with its mask
 SHARE = 0.25  # of the memory that is left: for photos that are kept
 
 
@@ -40,4 +40,5 @@ def photo_budget(photos: Sequence[Photo], memory: int | None) -> int:
 
 
 def _largest(photos: Sequence[Photo]) -> int:
-    return max(photo.size[0] * photo.size[1] for photo in photos)
+    """Samples of 8 bits in one channel of the largest photo: its pixels, or twice as many of 16 bits."""
+    return max(photo.size[0] * photo.size[1] * photo.depth // 8 for photo in photos)

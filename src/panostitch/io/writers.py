@@ -5,16 +5,19 @@ TIFF and PNG are written as their tiles come. JPEG and WebP are made of the whol
 
 import os
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from panostitch.errors import LimitError, OutputError
+from panostitch.errors import LimitError, OutputError, UsageError
 from panostitch.io.atomic import replacing, write_bytes
+from panostitch.io.carried import carried, software
+from panostitch.io.embed import Embedded, into_jpeg, into_webp
 from panostitch.io.png import band_bytes, write_png
 from panostitch.io.rendering import Pixels, Preview, Rendering, read_tile, tiles_of
+from panostitch.io.sphere import sphere_xmp
 from panostitch.io.tiff import write_tiff
 from panostitch.model.canvas import Region
 from panostitch.model.panorama import Panorama
@@ -23,10 +26,11 @@ from panostitch.runtime import memory
 from panostitch.runtime.executor import Executor, serial
 from panostitch.runtime.trace import Trace, silent
 
-__all__ = ["assemble", "check_output", "write_bytes", "write_panorama", "write_picture"]
+__all__ = ["Written", "assemble", "check_depth", "check_output", "write_bytes", "write_panorama", "write_picture"]
 
 EXTENSIONS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp")
 JPEG = (".jpg", ".jpeg")
+DEEP = (".png", ".tif", ".tiff")  # can hold 16 bits a channel
 JPEG_LIMIT = 65_500  # px a side
 WEBP_LIMIT = 16_383  # px a side
 PNG_LEVEL = 3  # a quarter of the time of the best compression for a few per cent of size
@@ -35,6 +39,14 @@ FINISHED = 6  # tiles a thread, encoded or not, that wait until they are written
 NO_STREAM = (
     "write a .tif, which is written as it is made; allow more with --max-memory; or make it smaller with --scale"
 )
+
+
+@dataclass(frozen=True)
+class Written:
+    """What became of a panorama: bits of a channel, and what its user should know."""
+
+    depth: int
+    notes: tuple[str, ...] = ()
 
 
 def check_output(path: str, *, overwrite: bool, inputs: Sequence[str] = (), extensions: Sequence[str] = ()) -> None:
@@ -62,25 +74,68 @@ def check_output(path: str, *, overwrite: bool, inputs: Sequence[str] = (), exte
 
 def write_panorama(
     panorama: Panorama, path: str, options: OutputOptions, *, run: Executor = serial, trace: Trace = silent
-) -> None:
+) -> Written:
     """Render the cropped panorama and write it.
 
-    Raises OutputError; LimitError for a JPEG or WebP of impossible size, or where memory does not suffice.
+    Raises OutputError; UsageError where the format has no such depth; LimitError for a JPEG or WebP of impossible size,
+    or where memory does not suffice.
     """
     crop, extension = panorama.plan.crop, Path(path).suffix.lower()
+    check_depth(path, options.depth)
     _check_sides(path, extension, crop)
+    depth, notes = _depth(panorama, extension, options.depth)
     preview = None if trace is silent else Preview(crop)
-    picture = Rendering(panorama, run, preview)
+    picture = Rendering(panorama, run, preview, depth)
     picture = replace(picture, run=_bounded(picture, extension, options))
+    own, more = _metadata(panorama, options.metadata)
     with replacing(path) as file:
         if extension in (".tif", ".tiff"):
-            write_tiff(file, path, picture, options)
+            write_tiff(file, path, picture, options, own)
         elif extension == ".png":
-            write_png(file, picture)
+            write_png(file, picture, own)
         else:
-            file.write(_encode(path, picture.whole(_channels(picture, extension)), quality=options.quality).data)
+            file.writelines(_whole(path, picture, _channels(picture, extension), options.quality, own))
     if preview:
         trace("panorama.written", path=path, size=(crop.width, crop.height), preview=preview.pixels)
+    return Written(depth, (*notes, *more))
+
+
+def _whole(path: str, picture: Rendering, channels: int, quality: int, own: Embedded) -> list[bytes]:
+    """The pieces of a file whose encoder wants the whole picture."""
+    encoded = _encode(path, picture.whole(channels), quality=quality).tobytes()
+    if Path(path).suffix.lower() in JPEG:
+        return into_jpeg(encoded, own)
+    return into_webp(encoded, own, (picture.crop.width, picture.crop.height), alpha=channels == 4)
+
+
+def _metadata(panorama: Panorama, asked: str) -> tuple[Embedded, tuple[str, ...]]:
+    """What the file is to say besides its pixels, and what is to be said of that."""
+    if panorama.alignment is None:
+        return Embedded(), ()
+    found = carried(panorama.alignment.photos)
+    if asked == "none":
+        return Embedded(profile=found.profile), found.notes
+    xmp = sphere_xmp(panorama, found.headings, software())
+    return Embedded(found.exif, found.profile, xmp), found.notes
+
+
+def check_depth(path: str, depth: str) -> None:
+    """Raise UsageError where a format has not as many bits as were asked for."""
+    if depth == "16" and Path(path).suffix.lower() not in DEEP:
+        raise UsageError(
+            f"{path}: this format has 8 bits a channel, not 16",
+            hint="write a .tif or .png, or leave --depth 16 out",
+        )
+
+
+def _depth(panorama: Panorama, extension: str, asked: str) -> tuple[int, tuple[str, ...]]:
+    """Bits of a channel, and what is to be said of them."""
+    deepest = max((photo.depth for photo in panorama.alignment.photos), default=8) if panorama.alignment else 8
+    if asked != "auto":
+        return int(asked), ()
+    if deepest == 16 and extension not in DEEP:
+        return 8, ("photos have 16 bits a channel, this format has 8: write a .tif or .png to keep them",)
+    return deepest, ()
 
 
 def _check_sides(path: str, extension: str, crop: Region) -> None:
@@ -100,10 +155,10 @@ def _bounded(picture: Rendering, extension: str, options: OutputOptions) -> Exec
         return picture.run
     crop, channels = picture.crop, _channels(picture, extension)
     streams = extension in (".tif", ".tiff")
-    whole = 0 if streams else crop.area * ENCODING[channels]
-    held = min(whole, 2 * band_bytes(crop, channels)) if extension == ".png" else whole
+    whole = 0 if streams else crop.area * ENCODING[channels] * picture.depth // 8
+    held = min(whole, 2 * band_bytes(crop, picture.pixel_bytes)) if extension == ".png" else whole
     tiles = tiles_of(crop)
-    each = max(map(picture.panorama.cost, tiles)) + FINISHED * max(tile.area for tile in tiles) * channels
+    each = max(map(picture.panorama.cost, tiles)) + FINISHED * max(tile.area for tile in tiles) * picture.pixel_bytes
     return memory.within(
         picture.run,
         options.memory,
