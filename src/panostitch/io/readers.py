@@ -65,6 +65,7 @@ READ_FAILURES = (
     cv2.error,
 )
 Image.MAX_IMAGE_PIXELS = None  # we refuse too large pictures ourselves, by name and before decoding
+PngImagePlugin.MAX_TEXT_CHUNK = 16 << 20  # bytes; large colour profiles are no reason to refuse a photo
 
 
 @dataclass(frozen=True)
