@@ -54,6 +54,8 @@ def command(folder: str, output: str, file_format: str, **given: Any) -> int:
             report.say(f"{outcome.name}: {outcome.message or outcome.path} ({outcome.seconds:.1f} s)")
             for photo in outcome.left_out:
                 report.say(f"  left out: {photo.name}: {photo.reason}")
+            for note in outcome.notes:
+                report.say(f"  note: {note}")
 
     setting = Setting(output, f".{file_format}", given["overwrite"], options, executor(given), tracer)
     outcomes = run_batch(tasks, setting, tell)
