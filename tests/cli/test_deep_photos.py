@@ -38,9 +38,9 @@ def test_16_bits_and_8_become_16(deep_photos, call):
     assert np.abs(shallow - pixels[..., :3] / 257).mean() < 3  # grey levels; JPEG of quality 92 on a rich picture
 
 
-@pytest.mark.parametrize("command", [[], ["render"]])
-def test_16_bits_in_a_jpeg_are_refused_before_anything_is_done(command, deep_photos, call):
-    result = call(*command, deep_photos if not command else "none.pano.json", "-o", "a.jpg", "--depth", "16")
+@pytest.mark.parametrize("command", ["stitch", "render", "batch"])
+def test_16_bits_in_a_jpeg_are_refused_before_anything_is_read(command, call):
+    result = call(command, "none.pano.json", "-o", "a.jpg", "--depth", "16")
 
     assert result.code == 2
-    assert "a.jpg: this format has 8 bits" in result.err
+    assert "jpg: this format has 8 bits" in result.err

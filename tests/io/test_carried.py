@@ -28,6 +28,8 @@ CROP = Region(4, 6, 37, 23)
 FORMATS = ["a.jpg", "a.png", "a.tif", "a.webp"]
 # degrees; seconds are written to four digits: 3e-8 degrees
 PLACE = 1e-7
+HEADING = 0.1  # degrees; given to a tenth, and the second photo's direction was rounded too
+SCALE = 100.0  # px a radian: the sphere is 628 px wide
 
 MAIN = {
     Base.Make: "Acme",
@@ -74,7 +76,7 @@ def photo(path, *, main=MAIN, lens=LENS, where=None, raw=None, size=(60, 40), **
     return open_photo(path)
 
 
-def panorama_of(photos, *, crop=CROP, projection="equirectangular", scale=100.0, **canvas):
+def panorama_of(photos, *, crop=CROP, projection="equirectangular", scale=SCALE, **canvas):
     """Looks to the north, if the first photo does; further photos each 0.3 radians to the right of the one before."""
     cameras = rig([0.3 * n for n in range(len(photos))], size=(60, 40), focal=60.0)
     alignment = replace(alignment_of(cameras), photos=tuple(photos))
@@ -138,6 +140,8 @@ def test_what_all_photos_agree_on_is_in_every_format(name, tmp_path):
     assert float(where[GPS.GPSAltitude]) == 519.5
     assert not {GPS.GPSImgDirection, GPS.GPSDateStamp} & where.keys()
     assert gpano(xmp)["ProjectionType"] == "equirectangular"
+    # the first photo looks to 10 degrees and straight ahead; the middle of the crop is 38 px left of that
+    assert float(gpano(xmp)["PoseHeadingDegrees"]) == pytest.approx(370 - np.rad2deg(38 / SCALE), abs=HEADING)
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -258,9 +262,6 @@ def test_a_photo_that_has_gone_says_nothing(tmp_path):
     assert Base.Make not in read(tmp_path / "a.jpg")[0]
 
 
-SCALE = 100.0  # px a radian: the sphere is 628 px wide
-
-
 def test_the_part_of_the_sphere_that_the_crop_shows(tmp_path):
     photos = [photo(tmp_path / "1.jpg", where=place(heading=350.0))]
     # the horizon (v = 0) is row 25 of the canvas; the middle column of the crop, 4 + 18, is 38 px left of north
@@ -272,7 +273,7 @@ def test_the_part_of_the_sphere_that_the_crop_shows(tmp_path):
     # the upper edge of row 6 lies 19.5 px above the horizon, which is 157 px below the zenith
     assert int(said["CroppedAreaTopPixels"]) in (137, 138)
     assert int(said["CroppedAreaLeftPixels"]) == (628 - 37) // 2
-    assert float(said["PoseHeadingDegrees"]) == pytest.approx((350 - np.rad2deg(38 / SCALE)) % 360, abs=0.06)
+    assert float(said["PoseHeadingDegrees"]) == pytest.approx((350 - np.rad2deg(38 / SCALE)) % 360, abs=HEADING)
     assert said["SourcePhotosCount"] == "1"
 
 
@@ -367,6 +368,18 @@ def test_exiftool_finds_no_fault(tmp_path):
         assert (entry["Make"], entry["Copyright"], entry["ProjectionType"]) == ("Acme", "© Ada", "equirectangular")
         assert entry["GPSLatitude"] == pytest.approx(48 + 8 / 60 + 14.5 / 3600, abs=PLACE)
         assert "sRGB" in entry["ProfileDescription"]
+
+
+@pytest.mark.parametrize("covered", [False, True])
+def test_a_webp_says_what_it_holds(covered, tmp_path):
+    panorama = panorama_of([photo(tmp_path / "1.jpg", icc_profile=profile())])
+
+    write(tmp_path / "a.webp", replace(panorama, plan=replace(panorama.plan, covered=covered)))
+
+    file = (tmp_path / "a.webp").read_bytes()
+    assert (file[12:16], int.from_bytes(file[4:8], "little")) == (b"VP8X", len(file) - 8)
+    assert file[20] == (0x2C if covered else 0x3C)  # profile, EXIF, XMP, and alpha
+    assert int.from_bytes(file[24:27], "little") + 1 == CROP.width
 
 
 def test_a_large_profile_is_cut_into_segments_of_a_jpeg(tmp_path):

@@ -19,6 +19,7 @@ from PIL import ExifTags, Image
 from panostitch.io import exif
 from panostitch.io.exif import Exif, Field
 from panostitch.io.metadata import read_exif
+from panostitch.io.readers import FORMATS
 from panostitch.model.photo import Photo
 
 Base, GPS, IFD = ExifTags.Base, ExifTags.GPS, ExifTags.IFD
@@ -169,7 +170,7 @@ def _read(path: str) -> Own:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of Pillow, at tags that are damaged
-            with Image.open(path) as image:
+            with Image.open(path, formats=FORMATS) as image:
                 tags = read_exif(image)
                 return Own(
                     {tag: found for tag in (*MAIN, *EXPOSURE) if (found := _text(_either(tags, tag)))},

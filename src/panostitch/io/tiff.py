@@ -171,7 +171,7 @@ def _reduced(tile: Samples) -> Samples:
     height, width, channels = tile.shape
     if channels == 3 or tile[..., 3].all():
         return np.asarray(cv2.resize(tile, (width // 2, height // 2), interpolation=cv2.INTER_AREA), tile.dtype)
-    four = tile.reshape(height // 2, 2, width // 2, 2, channels).astype(np.uint64)
+    four = tile.reshape(height // 2, 2, width // 2, 2, channels).astype(np.uint32)
     weight = four[..., 3:]
     total = weight.sum((1, 3))
     colour = ((four[..., :3] * weight).sum((1, 3)) + total // 2) // np.maximum(total, 1)
