@@ -200,6 +200,9 @@ class CompositingOptions:
         "graphcut", "Where one photo ends and the next begins: where they agree, or half-way."
     )
     blender: Literal["multiband", "feather", "none"] = option("multiband", "How photos are joined at the seams.")
+    interpolation: Literal["cubic", "linear", "lanczos", "nearest"] = option(
+        "cubic", "How photos are sampled. cubic: keeps detail; lanczos: slower, hardly sharper; linear: quick, softer."
+    )
 
 
 UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
@@ -217,6 +220,14 @@ def size_in_bytes(text: str) -> int:
 class OutputOptions:
     """What is written."""
 
+    depth: Literal["auto", "8", "16"] = option(
+        "auto", "Bits of a channel; auto: 16 where a photo has 16 and the format (.tif, .png) can hold them."
+    )
+    metadata: Literal["carry", "none"] = option(
+        "carry",
+        "EXIF on which the photos agree, and for viewers what part of the sphere it shows (carry); or nothing but the "
+        "colour profile (none).",
+    )
     quality: int = option(92, "Quality of a JPEG or WebP panorama.", min=1, max=100)
     compression: Literal["deflate", "none"] = option(
         "deflate", "Of a TIFF: without loss (deflate), or none: several times as quick, twice the size."

@@ -32,8 +32,11 @@ def command(folder: str, output: str, file_format: str, **given: Any) -> int:
     from panostitch.cli import report
     from panostitch.cli.session import debug_trace, executor
     from panostitch.errors import OutputError
+    from panostitch.io.writers import check_depth
     from panostitch.jobs.batch import Setting, batch_exit_code, find_tasks, run_batch
 
+    options = options_of(given)
+    check_depth(f"panoramas.{file_format}", options.output.depth)
     tasks = find_tasks(folder)
     try:
         os.makedirs(output, exist_ok=True)
@@ -51,8 +54,10 @@ def command(folder: str, output: str, file_format: str, **given: Any) -> int:
             report.say(f"{outcome.name}: {outcome.message or outcome.path} ({outcome.seconds:.1f} s)")
             for photo in outcome.left_out:
                 report.say(f"  left out: {photo.name}: {photo.reason}")
+            for note in outcome.notes:
+                report.say(f"  note: {note}")
 
-    setting = Setting(output, f".{file_format}", given["overwrite"], options_of(given), executor(given), tracer)
+    setting = Setting(output, f".{file_format}", given["overwrite"], options, executor(given), tracer)
     outcomes = run_batch(tasks, setting, tell)
     if not given["quiet"]:
         report.say_table(

@@ -25,6 +25,7 @@ def command(project_file: str, output: str, **given: Any) -> int:
 
     options, run = options_of(given), executor(given)
     check_dry_run(given)
+    writers.check_depth(output, options.output.depth)
     read = hugin.read_pto if project_file.lower().endswith(hugin.EXTENSION) else project.read_project
     alignment = read(project_file)
     inputs = [project_file, *(photo.path for photo in alignment.photos)]

@@ -4,7 +4,7 @@ import json
 import math
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -14,6 +14,9 @@ from panostitch.model.alignment import Alignment, LeftOut, LinkSummary
 from panostitch.model.panorama import Panorama
 from panostitch.model.photo import natural_key
 from panostitch.runtime.memory import in_words
+
+if TYPE_CHECKING:
+    from panostitch.io.writers import Written
 
 NOWHERE_NEAR = 1000.0  # px; from here on the figure says nothing more
 
@@ -130,12 +133,15 @@ def _field(alignment: Alignment, panorama: Panorama) -> list[float] | None:
     return [math.degrees(angle) for angle in field] if field else None
 
 
-def say_panorama(panorama: Panorama, path: str) -> None:
-    """What was written, and what became of the light, a line each."""
+def say_panorama(panorama: Panorama, path: str, written: "Written") -> None:
+    """What was written, what became of the light, and what is to be known of the file, a line each."""
     crop = panorama.plan.crop
     canvas = panorama.canvas
-    say(f"{path}: {crop.width} x {crop.height} px, {canvas.projection} ({canvas.reason}); {panorama.plan.crop_reason}")
+    size = f"{crop.width} x {crop.height} px{', 16 bits' if written.depth == 16 else ''}"
+    say(f"{path}: {size}, {canvas.projection} ({canvas.reason}); {panorama.plan.crop_reason}")
     say(f"exposure: {panorama.plan.light.reason}")
+    for note in written.notes:
+        say(f"note: {path}: {note}")
 
 
 def say_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -151,7 +157,12 @@ def say_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         say("  ".join(cells).rstrip())
 
 
-def result(alignment: Alignment, panorama: Panorama | None = None, path: str = "") -> dict[str, Any]:
+def result(
+    alignment: Alignment,
+    panorama: Panorama | None = None,
+    path: str = "",
+    written: "Written | None" = None,
+) -> dict[str, Any]:
     """The result of a run for `--json`."""
     data = alignment.to_json()
     if panorama:
@@ -159,6 +170,8 @@ def result(alignment: Alignment, panorama: Panorama | None = None, path: str = "
         data["panorama"] = {
             "path": path,
             "size": [crop.width, crop.height],
+            "depth": written.depth if written else None,
+            "notes": list(written.notes) if written else [],
             "projection": panorama.canvas.projection,
             "projection_reason": panorama.canvas.reason,
             "field_of_view": _field(alignment, panorama),

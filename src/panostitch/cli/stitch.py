@@ -27,6 +27,7 @@ def command(photos: tuple[str, ...], output: str, save_project: str | None, pto:
 
     options, run = options_of(given), executor(given)
     check_dry_run({**given, "save_project": save_project, "pto": pto})
+    writers.check_depth(output, options.output.depth)
     opened = open_given(photos)
     inputs = [photo.path for photo in opened]
     writers.check_output(output, overwrite=given["overwrite"], inputs=inputs)

@@ -52,6 +52,7 @@ def write(
     """Say what comes, and write it, unless the user only wants to know. Prints the result as JSON where asked for."""
     from panostitch.cli import report
     from panostitch.io import forecast, writers
+    from panostitch.io.limits import depth_for
     from panostitch.io.partial import EXTENSION, fingerprint, finished_tiles
 
     expected = forecast.forecast(panorama, output, options.output, run=run)
@@ -66,17 +67,20 @@ def write(
     if not given["quiet"]:
         report.say_forecast(panorama, output, expected)
     if given["resume"]:
-        with finished_tiles(output, fingerprint(alignment, options), panorama) as finished:
+        depth, _ = depth_for(panorama, output, options.output.depth)
+        with finished_tiles(output, fingerprint(alignment, options), panorama, depth) as finished:
             if finished.note and not given["quiet"]:
                 report.say(f"{output}{EXTENSION}: {finished.note}")
             try:
-                writers.write_panorama(panorama, output, options.output, run=run, trace=trace, finished=finished)
+                written = writers.write_panorama(
+                    panorama, output, options.output, run=run, trace=trace, finished=finished
+                )
             except KeyboardInterrupt:
                 report.say(f"{output}{EXTENSION}: the same command goes on from the tiles that are finished")
                 raise
     else:
-        writers.write_panorama(panorama, output, options.output, run=run, trace=trace)
+        written = writers.write_panorama(panorama, output, options.output, run=run, trace=trace)
     if not given["quiet"]:
-        report.say_panorama(panorama, output)
+        report.say_panorama(panorama, output, written)
     if given["as_json"]:
-        report.print_json(report.result(alignment, panorama, output))
+        report.print_json(report.result(alignment, panorama, output, written))

@@ -22,5 +22,5 @@ def make_panorama(
     """The panorama as a function of a region; `memory` is what the whole program may take, in bytes."""
     budget = photo_budget(alignment.photos, memory)
     read = partial(compose, alignment, canvas, plan, options, decoded_photos(budget))
-    kept = min(budget, decoded_bytes(alignment.photos))
-    return Panorama(canvas, plan, read, partial(tile_bytes, alignment.photos, canvas, plan, options), kept)
+    cost = partial(tile_bytes, alignment.photos, canvas, plan, options)
+    return Panorama(canvas, plan, read, cost, min(budget, decoded_bytes(alignment.photos)), alignment)

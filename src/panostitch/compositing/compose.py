@@ -16,6 +16,12 @@ from panostitch.model.panorama import Plan
 from panostitch.options import CompositingOptions
 
 EDGE = 8  # px of the reduced canvas by which a change goes on beyond its photo's footprint, for the halo of tiles
+INTERPOLATION = {
+    "nearest": cv2.INTER_NEAREST,
+    "linear": cv2.INTER_LINEAR,
+    "cubic": cv2.INTER_CUBIC,
+    "lanczos": cv2.INTER_LANCZOS4,
+}
 LABEL_MARGIN = 2  # px of the reduced canvas around a tile, so that enlarging needs no edge
 
 
@@ -25,7 +31,7 @@ def compose(
     """The pixels of a region of the canvas. The same pixels come out however the canvas is cut into regions."""
     blender = BLENDERS[options.blender]
     tile = with_halo(plan, options, region)
-    pieces = _pieces(alignment, canvas, plan, decoded, tile, region)
+    pieces = _pieces(alignment, canvas, plan, options, decoded, tile, region)
     composite, covered = hard_composite(pieces, (tile.height, tile.width))
     changes = [_change(plan, canvas, piece.photo, tile) for piece in pieces]
     blended = blender.join(pieces, changes, composite, plan.factor)
@@ -40,7 +46,13 @@ def with_halo(plan: Plan, options: CompositingOptions, region: Region) -> Region
 
 
 def _pieces(
-    alignment: Alignment, canvas: Canvas, plan: Plan, decoded: Decoded, tile: Region, region: Region
+    alignment: Alignment,
+    canvas: Canvas,
+    plan: Plan,
+    options: CompositingOptions,
+    decoded: Decoded,
+    tile: Region,
+    region: Region,
 ) -> list[Piece]:
     """The photos that own a part of the tile or lie next to it, each with the part it owns.
 
@@ -53,7 +65,7 @@ def _pieces(
         photo, camera = alignment.photos[n], alignment.cameras[n]
         raster, camera = decoded.get(n, partial(read_for, photo, camera, canvas))
         seen = region if len(photos) == 1 else tile
-        layer = warp(raster, camera, canvas, seen, interpolation=cv2.INTER_CUBIC)
+        layer = warp(raster, camera, canvas, seen, interpolation=INTERPOLATION[options.interpolation])
         pixels = expose(layer.pixels, factors(plan.light, n, camera, canvas, seen))
         layers.append(_framed(pixels, layer.mask, seen, tile))
     owner = _owners(labels, photos, [mask for _, mask in layers], plan.factor)

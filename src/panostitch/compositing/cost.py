@@ -14,8 +14,9 @@ from panostitch.runtime.memory import resident
 
 TILE_PIXEL = 90  # bytes for each pixel of a tile with its halo
 PHOTO_PIXEL = 20  # bytes more for each photo that it shows
-DECODING = 8  # bytes for each pixel of a photo that is being decoded, its result among them
-DECODED = 4  # bytes for each pixel of a photo that is kept, with its mask
+# Bytes for each pixel of a photo, by the bits of its channels:
+DECODING = {8: 14, 16: 24}  # that is being decoded, its file and the result among them (a JPEG of 8 bits takes 7)
+DECODED = {8: 4, 16: 7}  # that is kept, with its mask
 SHARE = 0.25  # of the memory that is left: for photos that are kept
 
 
@@ -28,12 +29,12 @@ def tile_bytes(photos: Sequence[Photo], canvas: Canvas, plan: Plan, options: Com
 
 def decoding_bytes(photos: Sequence[Photo]) -> int:
     """Bytes that it takes to decode the largest photo."""
-    return DECODING * _largest(photos)
+    return _largest(photos, DECODING)
 
 
 def decoded_bytes(photos: Sequence[Photo]) -> int:
     """Bytes that all photos take, decoded."""
-    return DECODED * sum(photo.size[0] * photo.size[1] for photo in photos)
+    return sum(photo.size[0] * photo.size[1] * DECODED[photo.depth] for photo in photos)
 
 
 def photo_budget(photos: Sequence[Photo], memory: int | None) -> int:
@@ -41,8 +42,8 @@ def photo_budget(photos: Sequence[Photo], memory: int | None) -> int:
     if memory is None:
         return CACHE_BYTES
     spare = int((memory - resident()) * SHARE)
-    return min(CACHE_BYTES, max(spare, DECODED * _largest(photos)))
+    return min(CACHE_BYTES, max(spare, _largest(photos, DECODED)))
 
 
-def _largest(photos: Sequence[Photo]) -> int:
-    return max(photo.size[0] * photo.size[1] for photo in photos)
+def _largest(photos: Sequence[Photo], pixel: dict[int, int]) -> int:
+    return max(photo.size[0] * photo.size[1] * pixel[photo.depth] for photo in photos)

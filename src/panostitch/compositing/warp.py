@@ -13,7 +13,7 @@ from panostitch.model.photo import Photo
 from panostitch.runtime.cache import LastUsed
 
 Floats = NDArray[np.float64]
-Raster = tuple[NDArray[np.uint8], NDArray[np.uint8] | None]
+Raster = tuple[NDArray[np.uint8] | NDArray[np.uint16], NDArray[np.uint8] | None]
 Decoded = LastUsed[tuple[Raster, Camera]]
 
 STEP = 16  # px between exact coordinates; between them a bilinear guess is off by some 0.02 px
@@ -22,6 +22,7 @@ CHUNK = 8192  # px: OpenCV's remap takes no side of 32,767 or more
 FOOTPRINT_STEP = 8  # px of the reduced canvas
 REDUCE_BELOW = 0.75  # photos are read reduced only where the canvas is coarser than this: reducing costs sharpness
 CACHE_BYTES = 2 << 30
+DEEP = np.float32(1 / 257)  # of 0..65535 to 0..255, the range of all pixels after the warp
 
 
 def decoded_photos(budget: int = CACHE_BYTES) -> Decoded:
@@ -32,7 +33,7 @@ def decoded_photos(budget: int = CACHE_BYTES) -> Decoded:
 def read_for(photo: Photo, camera: Camera, canvas: Canvas) -> tuple[Raster, Camera]:
     """The photo's pixels at the size that this canvas needs, and the camera for that size."""
     scale = min(1.0, canvas.scale / camera.focal * _magnification(camera))
-    raster = photo.source.read(scale if scale < REDUCE_BELOW else 1.0)
+    raster = (photo.deep or photo.source).read(scale if scale < REDUCE_BELOW else 1.0)
     height, width = raster[0].shape[:2]
     return raster, camera.scaled((width, height))
 
@@ -59,6 +60,8 @@ def warp(raster: Raster, camera: Camera, canvas: Canvas, region: Region, *, inte
         if raster[1] is not None:
             inside &= cv2.remap(raster[1], x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) > 254
         mask[rows_columns] = inside
+    if raster[0].dtype == np.uint16:
+        pixels *= DEEP
     return Layer(region, pixels, mask)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from panostitch.io.limits import bounded, check_sides, need
+from panostitch.io.limits import bounded, check_sides, depth_for, need
 from panostitch.io.rendering import Rendering, tiles_of
 from panostitch.io.writers import encode_panorama
 from panostitch.model.canvas import Region
@@ -30,7 +30,7 @@ class Forecast:
 def forecast(panorama: Panorama, path: str, options: OutputOptions, *, run: Executor) -> Forecast:
     """Memory for a panorama. Raises LimitError where its format is too small, or --max-memory."""
     check_sides(path, panorama.plan.crop)
-    picture = Rendering(panorama, run)
+    picture = Rendering(panorama, run, depth=depth_for(panorama, path, options.depth)[0])
     threads = min(bounded(picture, path, options).threads, len(tiles_of(panorama.plan.crop)))
     needed = need(picture, path)
     return Forecast(int((resident() + needed.besides + threads * needed.each) * SLACK), threads)
@@ -55,7 +55,8 @@ def expected_seconds(panorama: Panorama, path: str, options: OutputOptions, *, t
 
 def _seconds(panorama: Panorama, path: str, options: OutputOptions, tile: Region) -> float:
     """What it takes to make a tile and to encode it as a picture of its own."""
-    picture = Rendering(replace(panorama, plan=replace(panorama.plan, crop=tile)), Executor())
+    depth, _ = depth_for(panorama, path, options.depth)
+    picture = Rendering(replace(panorama, plan=replace(panorama.plan, crop=tile)), Executor(), depth=depth)
     began = time.perf_counter()
     encode_panorama(io.BytesIO(), path, picture, replace(options, pyramid="none"))
     return time.perf_counter() - began

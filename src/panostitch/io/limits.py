@@ -3,16 +3,18 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from panostitch.errors import LimitError
+from panostitch.errors import LimitError, UsageError
 from panostitch.io.png import band_bytes
 from panostitch.io.rendering import Rendering, tiles_of
 from panostitch.model.canvas import Region
+from panostitch.model.panorama import Panorama
 from panostitch.options import OutputOptions
 from panostitch.runtime import memory
 from panostitch.runtime.executor import Executor
 
 TIFF = (".tif", ".tiff")
 JPEG = (".jpg", ".jpeg")
+DEEP = (".png", ".tif", ".tiff")  # can hold 16 bits a channel
 SIDES = {".jpg": 65_500, ".jpeg": 65_500, ".webp": 16_383}  # px, where a format has a limit that matters
 ENCODING = {3: 6, 4: 14}  # bytes a pixel that pictures of so many channels take while they are encoded whole
 FINISHED = 6  # tiles a thread, encoded or not, that wait until they are written
@@ -41,6 +43,25 @@ def check_sides(path: str, crop: Region) -> None:
         )
 
 
+def check_depth(path: str, depth: str) -> None:
+    """Raise UsageError where a format has not as many bits as were asked for."""
+    if depth == "16" and Path(path).suffix.lower() not in DEEP:
+        raise UsageError(
+            f"{path}: this format has 8 bits a channel, not 16",
+            hint="write a .tif or .png, or leave --depth 16 out",
+        )
+
+
+def depth_for(panorama: Panorama, path: str, asked: str) -> tuple[int, tuple[str, ...]]:
+    """Bits of a channel, and what is to be said of them."""
+    deepest = max((photo.depth for photo in panorama.alignment.photos), default=8) if panorama.alignment else 8
+    if asked != "auto":
+        return int(asked), ()
+    if deepest == 16 and Path(path).suffix.lower() not in DEEP:
+        return 8, ("photos have 16 bits a channel, this format has 8: write a .tif or .png to keep them",)
+    return deepest, ()
+
+
 def channels_in(picture: Rendering, path: str) -> int:
     """Of the file: a JPEG has no alpha."""
     return 3 if Path(path).suffix.lower() in JPEG else picture.channels
@@ -49,11 +70,12 @@ def channels_in(picture: Rendering, path: str) -> int:
 def need(picture: Rendering, path: str) -> Need:
     """What it takes to write a picture in the format of a path."""
     crop, channels, extension = picture.crop, channels_in(picture, path), Path(path).suffix.lower()
-    held = 0 if extension in TIFF else crop.area * ENCODING[channels]
+    pixel = channels * picture.depth // 8
+    held = 0 if extension in TIFF else crop.area * ENCODING[channels] * picture.depth // 8
     if extension == ".png":
-        held = min(held, 2 * band_bytes(crop, channels))
+        held = min(held, 2 * band_bytes(crop, pixel))
     tiles = tiles_of(crop)
-    each = max(map(picture.panorama.cost, tiles)) + FINISHED * max(tile.area for tile in tiles) * channels
+    each = max(map(picture.panorama.cost, tiles)) + FINISHED * max(tile.area for tile in tiles) * pixel
     return Need(each, picture.panorama.kept + held)
 
 

@@ -9,9 +9,10 @@ from typing import Any
 from PIL import ExifTags
 from PIL.Image import Exif, Image
 
+from panostitch.io.orientation import TRANSPOSED
+
 FULL_FRAME_DIAGONAL = 43.27  # mm of 24 x 36 mm film, to which 35 mm equivalents refer
 MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}  # FocalPlaneResolutionUnit: inch, cm, mm, um
-TRANSPOSED = (5, 6, 7, 8)  # EXIF orientations that swap width and height
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Metadata:
 
 def read_metadata(image: Image) -> Metadata:
     """Metadata of an opened, not yet decoded picture. Nonsense in them is ignored."""
-    exif = _exif(image)
+    exif = read_exif(image)
     tags: dict[int, Any] = {**exif, **exif.get_ifd(ExifTags.IFD.Exif)}
     # Pillow turns a TIFF upright by itself
     tag = None if image.format == "TIFF" else tags.get(ExifTags.Base.Orientation)
@@ -49,7 +50,7 @@ def read_metadata(image: Image) -> Metadata:
     return Metadata(size, orientation, _focal(tags, length, image.size), lens, notes, _taken(tags))
 
 
-def _exif(image: Image) -> Exif:
+def read_exif(image: Image) -> Exif:
     """EXIF tags from the header alone: `getexif` decodes a whole PNG to find tags behind the picture."""
     if image.format == "TIFF":
         return image.getexif()

@@ -22,7 +22,7 @@ import numpy as np
 import scipy
 
 from panostitch.errors import OutputError
-from panostitch.io.rendering import Pixels, tiles_of
+from panostitch.io.rendering import DTYPES, Samples, tiles_of
 from panostitch.model.alignment import Alignment
 from panostitch.model.canvas import Region
 from panostitch.model.panorama import Panorama
@@ -36,23 +36,23 @@ CHECK = 4  # bytes of a checksum; those of a slot that was never written are zer
 class FinishedTiles:
     """The tiles of a picture that are made already, in a file. Thread-safe."""
 
-    def __init__(self, file: IO[bytes], first: int, crop: Region, channels: int, note: str) -> None:
-        self._file, self._lock, self._channels = file, Lock(), channels
+    def __init__(self, file: IO[bytes], first: int, crop: Region, channels: int, depth: int, note: str) -> None:
+        self._file, self._lock, self._channels, self._dtype = file, Lock(), channels, DTYPES[depth]
         self._offsets: dict[Region, int] = {}
         for tile in tiles_of(crop):
             self._offsets[tile] = first
-            first += tile.area * channels + CHECK
+            first += self._bytes(tile) + CHECK
         self.found = sum(any(self._read(offset + self._bytes(tile), CHECK)) for tile, offset in self._offsets.items())
         self.made = 0
         self.note = note or (f"going on: {self.found} of {len(self._offsets)} tiles are there" if self.found else "")
 
-    def get(self, tile: Region, make: Callable[[], Pixels]) -> Pixels:
+    def get(self, tile: Region, make: Callable[[], Samples]) -> Samples:
         """The pixels (h, w, channels) of a tile: from the file, or made and put there. Raises OSError."""
         offset, size = self._offsets[tile], self._bytes(tile)
         with self._lock:
             slot = self._read(offset, size + CHECK)
         if len(slot) == size + CHECK and slot[size:] == _checksum(slot[:size]):
-            return np.frombuffer(slot, np.uint8, size).reshape(tile.height, tile.width, self._channels)
+            return np.frombuffer(slot[:size], self._dtype).reshape(tile.height, tile.width, self._channels)
         pixels = np.ascontiguousarray(make())
         with self._lock:
             self._write(offset, pixels.tobytes() + _checksum(pixels.data))
@@ -60,7 +60,7 @@ class FinishedTiles:
         return pixels
 
     def _bytes(self, tile: Region) -> int:
-        return tile.area * self._channels
+        return tile.area * self._channels * self._dtype.itemsize
 
     def _read(self, offset: int, size: int) -> bytes:
         self._file.seek(offset)
@@ -73,14 +73,20 @@ class FinishedTiles:
 
 
 @contextmanager
-def finished_tiles(path: str, key: str, panorama: Panorama) -> Iterator[FinishedTiles]:
+def finished_tiles(path: str, key: str, panorama: Panorama, depth: int = 8) -> Iterator[FinishedTiles]:
     """The tiles that an earlier run left for the panorama at `path`, if its key was the same.
 
     Their file is gone when the block ends without an error, and stays for the next run if not. Raises OutputError.
     """
     crop, channels = panorama.plan.crop, panorama.channels
     place = Path(path + EXTENSION)
-    facts = {"format": FORMAT, "key": key, "crop": [crop.x, crop.y, crop.width, crop.height], "channels": channels}
+    facts = {
+        "format": FORMAT,
+        "key": key,
+        "crop": [crop.x, crop.y, crop.width, crop.height],
+        "channels": channels,
+        "depth": depth,
+    }
     head = (json.dumps(facts) + "\n").encode()
     try:
         there = _head(place)
@@ -90,7 +96,7 @@ def finished_tiles(path: str, key: str, panorama: Panorama) -> Iterator[Finished
             if there != head:
                 file.write(head)
             note = "is of other photos or options: starting anew" if there not in (None, head) else ""
-            tiles = FinishedTiles(file, len(head), crop, channels, note)
+            tiles = FinishedTiles(file, len(head), crop, channels, depth, note)
             try:
                 yield tiles
             except BaseException:

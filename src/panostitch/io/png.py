@@ -10,7 +10,8 @@ from typing import IO
 
 import numpy as np
 
-from panostitch.io.rendering import TILE, Pixels, Rendering
+from panostitch.io.embed import Embedded, png_chunks
+from panostitch.io.rendering import TILE, Pixels, Rendering, Samples
 from panostitch.model.canvas import Region
 from panostitch.runtime.executor import Executor
 
@@ -20,11 +21,13 @@ COLOUR_TYPES = {3: 2, 4: 6}
 SUB, UP = 1, 2
 
 
-def write_png(file: IO[bytes], picture: Rendering) -> None:
+def write_png(file: IO[bytes], picture: Rendering, own: Embedded) -> None:
     """Write RGB, or RGBA where photos do not cover everything; one row of tiles is in memory at a time."""
     crop, kind = picture.crop, COLOUR_TYPES[picture.channels]
     file.write(b"\x89PNG\r\n\x1a\n")
-    _chunk(file, b"IHDR", struct.pack(">IIBBBBB", crop.width, crop.height, 8, kind, 0, 0, 0))
+    _chunk(file, b"IHDR", struct.pack(">IIBBBBB", crop.width, crop.height, picture.depth, kind, 0, 0, 0))
+    for name, data in png_chunks(own):
+        _chunk(file, name, data)
     _chunk(file, b"IDAT", b"\x78\x01")  # deflate, window of 32 kB
     checksum, run = zlib.adler32(b""), Executor(picture.run.threads)
     for band in _bands(picture):
@@ -36,23 +39,28 @@ def write_png(file: IO[bytes], picture: Rendering) -> None:
     _chunk(file, b"IEND", b"")
 
 
-def band_bytes(crop: Region, channels: int) -> int:
+def band_bytes(crop: Region, pixel_bytes: int) -> int:
     """Bytes of memory that a row of tiles takes."""
-    return crop.width * (TILE // 2) * channels
+    return crop.width * (TILE // 2) * pixel_bytes
 
 
 def _bands(picture: Rendering) -> Iterator[Pixels]:
-    """The rows (1 + h, width, channels) of each row of tiles, below the last one before them, or zeros."""
-    crop, above = picture.crop, np.zeros((1, picture.crop.width, picture.channels), np.uint8)
+    """The rows (1 + h, width, bytes of a pixel) of each row of tiles, below the last one before them, or zeros."""
+    crop, above = picture.crop, np.zeros((1, picture.crop.width, picture.pixel_bytes), np.uint8)
     band = above
     for region, tile in picture.map(lambda region, tile: (region, tile)):
         if region.x == crop.x:
-            band = np.empty((1 + region.height, crop.width, picture.channels), np.uint8)
+            band = np.empty((1 + region.height, crop.width, picture.pixel_bytes), np.uint8)
             band[:1] = above
-        band[1:, region.x - crop.x : region.right - crop.x] = tile
+        band[1:, region.x - crop.x : region.right - crop.x] = _in_bytes(tile)
         if region.right == crop.right:
             above = band[-1:].copy()
             yield band
+
+
+def _in_bytes(tile: Samples) -> Pixels:
+    """Pixels (h, w, channels) as bytes (h, w, bytes of a pixel), the high byte of 16 bits first."""
+    return tile.astype(">u2").view(np.uint8) if tile.dtype == np.uint16 else np.asarray(tile, np.uint8)
 
 
 def _compressed(rows: Pixels) -> tuple[bytes, Pixels]:

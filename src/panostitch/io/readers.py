@@ -1,6 +1,7 @@
 """Opening photos: headers at once, pixels when they are asked for.
 
-Pillow reads headers and all formats but ordinary JPEG, which OpenCV decodes twice as fast. Both refuse half a picture.
+Pillow reads headers and all formats but ordinary JPEG, which OpenCV decodes twice as fast, and 16 bits (`deep`). Both
+refuse half a picture.
 """
 
 import os
@@ -13,7 +14,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from PIL import (
     BmpImagePlugin,
     Image,
@@ -27,10 +27,10 @@ from PIL import (
 )
 
 from panostitch.errors import InputError
+from panostitch.io.deep import COPY_ANEW, InEightBits, deep_file, unknown_tiff
 from panostitch.io.metadata import read_metadata
-from panostitch.model.photo import Photo, natural_key
-
-Pixels = NDArray[np.uint8]
+from panostitch.io.orientation import upright
+from panostitch.model.photo import Photo, Pixels, PixelSource, natural_key
 
 # No EPS, PDF or other formats that run programs or hold no photo; importing a plug-in registers it with Pillow.
 # MPO, JPEGs with a second picture as some phones write them, comes with JPEG.
@@ -49,7 +49,6 @@ EXTENSIONS = frozenset(
 )
 REDUCED_MODES = {8: cv2.IMREAD_REDUCED_COLOR_8, 4: cv2.IMREAD_REDUCED_COLOR_4, 2: cv2.IMREAD_REDUCED_COLOR_2}
 MAX_MEGAPIXELS = 1000.0
-COPY_ANEW = "copy it anew from the camera"
 # What Pillow and OpenCV raise on damaged files.
 READ_FAILURES = (
     OSError,
@@ -66,11 +65,12 @@ READ_FAILURES = (
     cv2.error,
 )
 Image.MAX_IMAGE_PIXELS = None  # we refuse too large pictures ourselves, by name and before decoding
+PngImagePlugin.MAX_TEXT_CHUNK = 16 << 20  # bytes; large colour profiles are no reason to refuse a photo
 
 
 @dataclass(frozen=True)
 class FileSource:
-    """Pixels of a photo in a file.
+    """Pixels of 8 bits of a photo in a file.
 
     orientation: the EXIF orientation that makes them upright
     jpeg_size:   stored (width, height) px of an ordinary JPEG; None for what Pillow is to decode
@@ -87,7 +87,7 @@ class FileSource:
             size = max(1, round(width * scale)), max(1, round(height * scale))
             pixels = np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
             mask = None if mask is None else np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_AREA), np.uint8)
-        return _upright(pixels, self.orientation), None if mask is None else _upright(mask, self.orientation)
+        return upright(pixels, self.orientation), None if mask is None else upright(mask, self.orientation)
 
     def _decode(self, scale: float) -> tuple[Pixels, Pixels | None, tuple[int, int]]:
         """Stored pixels, their mask, and the size of the whole picture; a JPEG comes reduced where `scale` allows."""
@@ -129,14 +129,19 @@ def open_photo(path: str | os.PathLike[str]) -> Photo:
             with Image.open(name, formats=FORMATS) as image:
                 metadata = read_metadata(image)
                 jpeg = image.format in ("JPEG", "MPO") and image.mode in ("RGB", "L")
-                source = FileSource(name, metadata.orientation, image.size if jpeg else None)
+                deep = deep_file(image, name, metadata.orientation)
+                shallow = FileSource(name, metadata.orientation, image.size if jpeg else None)
+    except InputError:
+        raise
     except UnidentifiedImageError:
-        raise InputError(f"{name}: not a picture", hint=f"known are {', '.join(FORMATS)}") from None
+        unknown = InputError(f"{name}: not a picture", hint=f"known are {', '.join(FORMATS)}")
+        raise unknown_tiff(name) or unknown from None
     except READ_FAILURES as error:
         raise InputError(f"{name}: cannot be read: {str(error) or type(error).__name__}") from None
     megapixels = metadata.size[0] * metadata.size[1] / 1e6
     if megapixels > MAX_MEGAPIXELS:
         raise InputError(f"{name}: claims {megapixels:.0f} megapixels; {MAX_MEGAPIXELS:.0f} is the most")
+    source: PixelSource = InEightBits(deep) if deep else shallow
     return Photo(
         os.path.basename(name),
         metadata.size,
@@ -146,6 +151,7 @@ def open_photo(path: str | os.PathLike[str]) -> Photo:
         metadata.lens,
         metadata.notes,
         metadata.taken,
+        deep,
     )
 
 
@@ -178,24 +184,11 @@ def _decode_jpeg(path: str, reduction: int) -> Pixels:
 
 
 def _from_pillow(image: Image.Image) -> tuple[Pixels, Pixels | None]:
-    """RGB and alpha of any mode of Pillow's; 16-bit grey is cut to 8 bits."""
+    """RGB and alpha of any mode of Pillow's; 16-bit grey, which JPEG 2000 and PNM may have, comes in 8 bits."""
     if image.mode.startswith("I"):
         grey = (np.asarray(image, np.float64) / 257).clip(0, 255).round().astype(np.uint8)
         return np.repeat(grey[..., None], 3, axis=2), None
-    if image.mode == "F":
-        raise InputError(f"{getattr(image, 'filename', '')}: pixels are floating point numbers of unknown range")
     if "A" in image.mode or "transparency" in image.info:
         rgba = np.asarray(image.convert("RGBA"), np.uint8)
         return np.ascontiguousarray(rgba[..., :3]), np.ascontiguousarray(rgba[..., 3])
     return np.array(image.convert("RGB"), np.uint8), None
-
-
-def _upright(array: Pixels, orientation: int) -> Pixels:
-    """Apply an EXIF orientation to an array (h, w, ...)."""
-    if orientation in (5, 6, 7, 8):
-        array = array.swapaxes(0, 1)
-    if orientation in (2, 3, 6, 7):
-        array = array[:, ::-1]
-    if orientation in (3, 4, 7, 8):
-        array = array[::-1]
-    return np.ascontiguousarray(array)

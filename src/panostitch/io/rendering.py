@@ -1,8 +1,8 @@
-"""The cropped panorama as 8-bit pixels, tile by tile in a fixed order, for those who write it."""
+"""The cropped panorama as pixels of 8 or 16 bits, tile by tile in a fixed order, for those who write it."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import cv2
 import numpy as np
@@ -13,10 +13,13 @@ from panostitch.model.panorama import Panorama
 from panostitch.runtime.executor import Executor
 
 Pixels = NDArray[np.uint8]
+Samples = NDArray[np.unsignedinteger[Any]]
+Dtype = np.dtype[np.unsignedinteger[Any]]
 Result = TypeVar("Result")
 
 TILE = 1024  # px wide, and half as high: its arrays stay small, and most tiles hold no seam
 PREVIEW = 1600  # px, longer side of the preview that goes to the trace
+DTYPES: dict[int, Dtype] = {8: np.dtype(np.uint8), 16: np.dtype(np.uint16)}  # by bits of a channel
 AHEAD = 2  # finished tiles a thread that may wait until they are written
 
 
@@ -29,19 +32,20 @@ class Preview:
         height, width = (max(1, round(n * self._scale)) for n in (crop.height, crop.width))
         self.pixels = np.zeros((height, width, 3), np.uint8)
 
-    def add(self, region: Region, pixels: Pixels) -> None:
+    def add(self, region: Region, pixels: Samples) -> None:
         """Put in the pixels (h, w, ...) of a region."""
         left, right = (round((x - self._crop.x) * self._scale) for x in (region.x, region.right))
         top, bottom = (round((y - self._crop.y) * self._scale) for y in (region.y, region.bottom))
         place = self.pixels[top:bottom, left:right]
         if place.size:
-            place[...] = cv2.resize(pixels[..., :3], place.shape[1::-1], interpolation=cv2.INTER_AREA)
+            small = cv2.resize(pixels[..., :3], place.shape[1::-1], interpolation=cv2.INTER_AREA)
+            place[...] = cv2.convertScaleAbs(small, alpha=1 / 257) if small.dtype == np.uint16 else small
 
 
 class Finished(Protocol):
     """A place for the tiles of a picture that are made already."""
 
-    def get(self, tile: Region, make: Callable[[], Pixels], /) -> Pixels:
+    def get(self, tile: Region, make: Callable[[], Samples], /) -> Samples:
         """The pixels of a tile, made where they are not there."""
         ...
 
@@ -54,6 +58,7 @@ class Rendering:
     run: Executor
     preview: Preview | None = None
     finished: Finished | None = None
+    depth: int = 8  # bits of a channel, 8 or 16
 
     @property
     def crop(self) -> Region:
@@ -65,7 +70,12 @@ class Rendering:
         """3, or 4 with alpha, where the photos do not cover the whole picture."""
         return self.panorama.channels
 
-    def map(self, work: Callable[[Region, Pixels], Result]) -> Iterator[Result]:
+    @property
+    def pixel_bytes(self) -> int:
+        """Bytes of a pixel."""
+        return self.channels * self.depth // 8
+
+    def map(self, work: Callable[[Region, Samples], Result]) -> Iterator[Result]:
         """What `work` makes of each tile's region and pixels (h, w, channels), in threads; row by row."""
 
         def whole(region: Region) -> Result:
@@ -73,19 +83,19 @@ class Rendering:
 
         return self.run.map(whole, tiles_of(self.crop), label="Rendering", ahead=AHEAD * self.run.threads)
 
-    def pixels(self, region: Region) -> Pixels:
+    def pixels(self, region: Region) -> Samples:
         """RGB or RGBA (h, w, channels) of a region of the canvas."""
         picture = self.finished.get(region, lambda: self._made(region)) if self.finished else self._made(region)
         if self.preview:
             self.preview.add(region, picture)
         return picture
 
-    def _made(self, region: Region) -> Pixels:
-        pixels, mask = read_tile(self.panorama, region)
+    def _made(self, region: Region) -> Samples:
+        pixels, mask = read_tile(self.panorama, region, self.depth)
         return pixels if self.channels == 3 else np.dstack([pixels, mask])
 
     def whole(self, channels: int) -> Pixels:
-        """The whole picture (h, w, channels) at once; a fourth channel that is not asked for is left out."""
+        """The whole picture (h, w, channels) of 8 bits at once; a fourth channel that is not asked for is left out."""
         picture = np.empty((self.crop.height, self.crop.width, channels), np.uint8)
         for region, tile in self.map(lambda region, tile: (region, tile)):
             picture[region.within(self.crop)] = tile[..., :channels]
@@ -97,7 +107,9 @@ def tiles_of(crop: Region) -> list[Region]:
     return crop.tiles(TILE, TILE // 2)
 
 
-def read_tile(panorama: Panorama, region: Region) -> tuple[Pixels, Pixels]:
-    """RGB (h, w, 3) and coverage (h, w), 0 or 255, of a region of the canvas."""
-    layer = panorama.read(region)
-    return np.rint(layer.pixels).clip(0, 255).astype(np.uint8), layer.mask.astype(np.uint8) * np.uint8(255)
+def read_tile(panorama: Panorama, region: Region, depth: int = 8) -> tuple[Samples, Samples]:
+    """RGB (h, w, 3) and coverage (h, w), 0 or white, of a region of the canvas; white is 255 or 65535."""
+    layer, dtype = panorama.read(region), DTYPES[depth]
+    white = np.iinfo(dtype).max
+    levels = layer.pixels if depth == 8 else layer.pixels * np.float32(257)
+    return np.rint(levels).clip(0, white).astype(dtype), layer.mask.astype(dtype) * dtype.type(white)

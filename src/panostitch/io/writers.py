@@ -5,7 +5,7 @@ TIFF and PNG are written as their tiles come. JPEG and WebP are made of the whol
 
 import os
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO
 
@@ -14,20 +14,41 @@ import numpy as np
 
 from panostitch.errors import OutputError
 from panostitch.io.atomic import replacing, write_bytes
-from panostitch.io.limits import JPEG, TIFF, bounded, channels_in, check_sides
+from panostitch.io.carried import carried, software
+from panostitch.io.embed import Embedded, into_jpeg, into_webp
+from panostitch.io.limits import JPEG, TIFF, bounded, channels_in, check_depth, check_sides, depth_for
 from panostitch.io.partial import FinishedTiles
 from panostitch.io.png import write_png
 from panostitch.io.rendering import Pixels, Preview, Rendering, read_tile, tiles_of
+from panostitch.io.sphere import sphere_xmp
 from panostitch.io.tiff import write_tiff
 from panostitch.model.panorama import Panorama
 from panostitch.options import OutputOptions
 from panostitch.runtime.executor import Executor, serial
 from panostitch.runtime.trace import Trace, silent
 
-__all__ = ["assemble", "check_output", "encode_panorama", "write_bytes", "write_panorama", "write_picture"]
+__all__ = [
+    "Written",
+    "assemble",
+    "check_depth",
+    "check_output",
+    "encode_panorama",
+    "write_bytes",
+    "write_panorama",
+    "write_picture",
+]
 
 EXTENSIONS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp")
+NOTHING_ELSE = Embedded()
 PNG_LEVEL = 3  # a quarter of the time of the best compression for a few per cent of size
+
+
+@dataclass(frozen=True)
+class Written:
+    """What became of a panorama: bits of a channel, and what its user should know."""
+
+    depth: int
+    notes: tuple[str, ...] = ()
 
 
 def check_output(path: str, *, overwrite: bool, inputs: Sequence[str] = (), extensions: Sequence[str] = ()) -> None:
@@ -61,31 +82,58 @@ def write_panorama(
     run: Executor = serial,
     trace: Trace = silent,
     finished: FinishedTiles | None = None,
-) -> None:
+) -> Written:
     """Render the cropped panorama and write it; tiles that are `finished` already are not made again.
 
-    Raises OutputError; LimitError for a JPEG or WebP of impossible size, or where memory does not suffice.
+    Raises OutputError; UsageError where the format has no such depth; LimitError for a JPEG or WebP of impossible size,
+    or where memory does not suffice.
     """
     crop = panorama.plan.crop
+    check_depth(path, options.depth)
     check_sides(path, crop)
+    depth, notes = depth_for(panorama, path, options.depth)
     preview = None if trace is silent else Preview(crop)
-    picture = Rendering(panorama, run, preview, finished)
+    picture = Rendering(panorama, run, preview, finished, depth)
     picture = replace(picture, run=bounded(picture, path, options))
+    own, more = _metadata(panorama, options.metadata)
     with replacing(path) as file:
-        encode_panorama(file, path, picture, options)
+        encode_panorama(file, path, picture, options, own)
     if preview:
         trace("panorama.written", path=path, size=(crop.width, crop.height), preview=preview.pixels)
+    return Written(depth, (*notes, *more))
 
 
-def encode_panorama(file: IO[bytes], path: str, picture: Rendering, options: OutputOptions) -> None:
-    """Write a picture into a file, in the format of the path. Raises OutputError."""
+def _metadata(panorama: Panorama, asked: str) -> tuple[Embedded, tuple[str, ...]]:
+    """What the file is to say besides its pixels, and what is to be said of that."""
+    if panorama.alignment is None:
+        return Embedded(), ()
+    found = carried(panorama.alignment.photos)
+    if asked == "none":
+        return Embedded(profile=found.profile), found.notes
+    xmp = sphere_xmp(panorama, found.headings, software())
+    return Embedded(found.exif, found.profile, xmp), found.notes
+
+
+def encode_panorama(
+    file: IO[bytes], path: str, picture: Rendering, options: OutputOptions, own: Embedded = NOTHING_ELSE
+) -> None:
+    """Write a picture into a file, in the format of the path, with its own metadata. Raises OutputError."""
     extension = Path(path).suffix.lower()
     if extension in TIFF:
-        write_tiff(file, path, picture, options)
+        write_tiff(file, path, picture, options, own)
     elif extension == ".png":
-        write_png(file, picture)
+        write_png(file, picture, own)
     else:
-        file.write(_encode(path, picture.whole(channels_in(picture, path)), quality=options.quality).data)
+        file.writelines(_whole(path, picture, options.quality, own))
+
+
+def _whole(path: str, picture: Rendering, quality: int, own: Embedded) -> list[bytes]:
+    """The pieces of a file whose encoder wants the whole picture."""
+    channels = channels_in(picture, path)
+    encoded = _encode(path, picture.whole(channels), quality=quality).tobytes()
+    if Path(path).suffix.lower() in JPEG:
+        return into_jpeg(encoded, own)
+    return into_webp(encoded, own, (picture.crop.width, picture.crop.height), alpha=channels == 4)
 
 
 def assemble(panorama: Panorama, *, run: Executor = serial) -> tuple[Pixels, Pixels]:

@@ -34,6 +34,7 @@ class Outcome:
     path:          where it lies; empty if it failed
     exit_code:     what `panostitch` alone would have ended with
     message:       what went wrong, empty if nothing did
+    depth, notes:  bits of a channel in the file, and what is to be known of it
     """
 
     name: str
@@ -45,6 +46,8 @@ class Outcome:
     path: str = ""
     size: tuple[int, int] = (0, 0)
     left_out: tuple[LeftOut, ...] = ()
+    depth: int = 0
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -126,7 +129,7 @@ def _panorama(
         check_output(path, overwrite=setting.overwrite, inputs=task.photos)
         alignment = pipeline.align_panorama(recognition, number, setting.options, run=setting.run, trace=trace)
         panorama = pipeline.render(alignment, setting.options, run=setting.run, trace=trace)
-        write_panorama(panorama, path, setting.options.output, run=setting.run, trace=trace)
+        written = write_panorama(panorama, path, setting.options.output, run=setting.run, trace=trace)
     except PanostitchError as error:
         return _failed(name, task, error, start)
     grouped = [photo for group in recognition.groups.panoramas for photo in group]
@@ -140,6 +143,8 @@ def _panorama(
         path=path,
         size=(panorama.plan.crop.width, panorama.plan.crop.height),
         left_out=left_out,
+        depth=written.depth,
+        notes=written.notes,
     )
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from panostitch.model.alignment import Alignment
 from panostitch.model.canvas import Canvas, Layer, Region
 from panostitch.model.light import Light
 
@@ -49,6 +50,7 @@ class Panorama:
 
     cost: from a region to the bytes of memory that `read` takes while it works, about
     kept: bytes that reads may leave behind in memory, for the reads that follow
+    alignment: the photos and their cameras, as the canvas sees them; None where nothing is known of them
     """
 
     canvas: Canvas
@@ -56,6 +58,7 @@ class Panorama:
     read: Callable[[Region], Layer]
     cost: Callable[[Region], int] = typical_cost
     kept: int = 0
+    alignment: Alignment | None = None
 
     @property
     def channels(self) -> int:

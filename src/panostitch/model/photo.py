@@ -25,18 +25,27 @@ class PixelSource(Protocol):
         ...
 
 
+class DeepSource(Protocol):
+    """Something that yields the pixels of one upright photo with 16 bits a channel."""
+
+    def read(self, scale: float = 1.0) -> tuple[NDArray[np.uint16], Pixels | None]:
+        """As `PixelSource.read`; white is 65535."""
+        ...
+
+
 @dataclass(frozen=True)
 class Photo:
     """A photo as the pipeline sees it.
 
     name:   what messages call it, unique within a run
     size:   (width, height) px, upright
-    source: where its pixels come from
+    source: where its pixels come from, with 8 bits a channel
     path:   the file it lies in; empty for a photo that exists in memory only
     focal:  focal length px as the metadata has it, a hint; None where they have none
     lens:   photos of the same lens share this; empty where the metadata do not say
     taken:  seconds from some fixed day to the exposure, for the order of photos; None where unknown
     notes:  what was surprising on reading, for the user's eyes
+    deep:   where its pixels come from with 16 bits a channel; None where it has no more than 8
     """
 
     name: str
@@ -47,6 +56,12 @@ class Photo:
     lens: str = ""
     notes: tuple[str, ...] = ()
     taken: float | None = None
+    deep: DeepSource | None = None
+
+    @property
+    def depth(self) -> int:
+        """Bits of a channel: 8 or 16."""
+        return 16 if self.deep else 8
 
     @property
     def megapixels(self) -> float:

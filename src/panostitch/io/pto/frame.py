@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from PIL import ExifTags, Image
 
 from panostitch.errors import UsageError
-from panostitch.io.metadata import TRANSPOSED
+from panostitch.io.deep import DeepFile
+from panostitch.io.orientation import TRANSPOSED
 from panostitch.io.readers import FileSource
 from panostitch.model.camera import Camera
 from panostitch.model.photo import Photo
@@ -66,10 +67,10 @@ def frame_of(photo: Photo) -> Frame:
 
 def _orientation(photo: Photo) -> int:
     """EXIF orientation 1 to 8 that makes the stored pixels upright."""
-    source = photo.source
-    if not isinstance(source, FileSource) or source.orientation != 1 or source.jpeg_size:
+    source = photo.deep or photo.source
+    if not isinstance(source, FileSource | DeepFile) or source.orientation != 1:
         return getattr(source, "orientation", 1)
-    # Pillow turns a TIFF on reading, which is why its source has no turn of its own; Hugin does not
+    # a TIFF is turned by those who decode it, which is why its source has no turn of its own; Hugin does not
     with Image.open(source.path) as image:
         tag = image.getexif().get(ExifTags.Base.Orientation) if image.format == "TIFF" else 1
     return int(tag or 1) if tag in range(1, 9) else 1
