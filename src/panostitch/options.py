@@ -157,6 +157,13 @@ class CompositingOptions:
         "straight through (dp), or half-way (voronoi).",
     )
     blender: Literal["multiband", "feather", "none"] = option("multiband", "How photos are joined at the seams.")
+    bands: int | None = option(
+        None,
+        "Number of bands of multiband, each blended over twice the width of the one before, 0 for hard seams; else as "
+        "many as the smallest photo is wide.",
+        min=0,
+        max=16,
+    )
 
 
 UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}

@@ -64,7 +64,7 @@ def make_plan(
     extended = extend(labels)
     owned = [_piece(n, layer, extended, small.region) for n, layer in exposed]
     composite, _ = hard_composite(owned, covered.shape)
-    blended = BLENDERS[options.blender].blend_reduced(owned, extended, composite, small, factor)
+    blended = BLENDERS[options.blender].blend_reduced(owned, extended, composite, small, factor, options.bands)
     picture = composite if blended is None else blended
     kept, reason = choose_crop(covered, crop)
     if trace is not silent:  # pictures that nobody else needs
