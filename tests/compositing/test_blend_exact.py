@@ -9,8 +9,8 @@ from panostitch.compositing import lay_out, make_panorama, make_plan, plan
 from panostitch.compositing.seams import SEAMS
 from panostitch.options import CompositingOptions, LayoutOptions
 
-# dB of the peak signal to noise ratio, on 0..255; cv2.detail.MultiBandBlender reaches 37 by its rounding. 149 seen where
-# the canvas is not reduced (float32 sums), 68 where fine and low bands are blended at different sizes.
+# dB of the peak signal to noise ratio, on 0..255; cv2.detail.MultiBandBlender reaches 37 by its rounding. 149 seen
+# where the canvas is not reduced (float32 sums), 68 where fine and low bands are blended at different sizes.
 EXACT_DB, TWO_SCALES_DB = 100.0, 60.0
 BANDS = 5
 SIZE = (384, 256)  # px, multiples of 2 ** BANDS

@@ -1,8 +1,9 @@
 """Seams along which the photos agree: minimum cuts (Kwatra et al. 2003), improved by expansion (Boykov et al. 2001).
 
 Photos are laid down one by one; each overlap with what lies there already is cut where the two differ least in colour
-and gradient. Then each photo may grow once more over what lies around it, seams between the others included, wherever
-that makes all seams together cheaper. A small cost for straying from the half-way line settles what pixels leave open.
+and gradient. Where more than two overlap, each may grow once more over what lies around it, seams between the others
+included, if that makes all seams together cheaper. A small cost for straying from the half-way line settles what
+pixels leave open.
 """
 
 from collections.abc import Sequence
@@ -42,10 +43,19 @@ def graphcut(canvas: Canvas, pieces: Sequence[tuple[int, Layer]]) -> NDArray[np.
     photos = whole_photos(canvas, pieces)
     for photo in photos:
         _grow(lying, photo)
-    if len(photos) > 2:  # of two, the seam is the best already
-        for photo in photos:
+    many = _count(canvas, photos) > 2  # where two photos overlap, their seam is the best already
+    for photo in photos:
+        if (photo.mask & many[photo.place]).any():
             _grow(lying, photo)
     return lying.labels
+
+
+def _count(canvas: Canvas, photos: Sequence[Whole]) -> NDArray[np.int16]:
+    """Number (h, w) of photos that show a pixel of the canvas."""
+    count = np.zeros(canvas.size[::-1], np.int16)
+    for photo in photos:
+        count[photo.place] += photo.mask
+    return count
 
 
 def _grow(lying: Composite, photo: Whole) -> None:
