@@ -196,12 +196,21 @@ class CompositingOptions:
         "Equal brightness where photos overlap: one gain for each photo (gain), one for each colour channel against "
         "steps of the white balance (channels), or what pays (auto). Fall-off of the lens is undone where it shows.",
     )
-    seams: Literal["graphcut", "voronoi"] = option(
-        "graphcut", "Where one photo ends and the next begins: where they agree, or half-way."
+    seams: Literal["graphcut", "dp", "voronoi"] = option(
+        "graphcut",
+        "Where one photo ends and the next begins: where they agree, around what moved (graphcut), where they agree, "
+        "straight through (dp), or half-way (voronoi).",
     )
     blender: Literal["multiband", "feather", "none"] = option("multiband", "How photos are joined at the seams.")
     interpolation: Literal["cubic", "linear", "lanczos", "nearest"] = option(
         "cubic", "How photos are sampled. cubic: keeps detail; lanczos: slower, hardly sharper; linear: quick, softer."
+    )
+    bands: int | None = option(
+        None,
+        "Number of bands of multiband, each blended over twice the width of the one before, 0 for hard seams; else as "
+        "many as the smallest photo is wide.",
+        min=0,
+        max=16,
     )
 
 

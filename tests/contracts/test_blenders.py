@@ -1,5 +1,7 @@
 """What every blender promises, whichever it is, in panoramas of flat pictures that were only shifted."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -43,7 +45,7 @@ def factor(request):
     return request.param
 
 
-def panorama_of(pictures, offsets, blender, monkeypatch, factor, *, seams="voronoi"):
+def panorama_of(pictures, offsets, blender, monkeypatch, factor, *, seams="voronoi", bands=None):
     """Flat pictures at these places (x, y) of a plane, and the place of the plane's origin on the canvas."""
     photos = tuple(Photo(f"p{n}", p.shape[1::-1], ArraySource(p)) for n, p in enumerate(pictures))
     cameras = tuple(
@@ -53,7 +55,7 @@ def panorama_of(pictures, offsets, blender, monkeypatch, factor, *, seams="voron
     alignment = Alignment("homography", photos, cameras, (), (), 0.0, 0.0)
     canvas = lay_out(alignment, LayoutOptions(crop="none"))
     monkeypatch.setattr(plan, "PLAN_PIXELS", 1.01 * canvas.region.area / factor**2)
-    options = CompositingOptions(exposure="none", seams=seams, blender=blender)
+    options = CompositingOptions(exposure="none", seams=seams, blender=blender, bands=bands)
     made = make_plan(alignment, canvas, options, "none")
     assert made.factor == factor
     return make_panorama(alignment, canvas, made, options), (-int(canvas.origin[0]), -int(canvas.origin[1]))
@@ -178,3 +180,25 @@ def test_narrow_overlaps_of_photos_that_agree_change_nothing(name, seams, monkey
     panorama, (x, y) = panorama_of([left, right], [(0, 0), (180, 0)], name, monkeypatch, 1, seams=seams)
 
     np.testing.assert_allclose(panorama.read(Region(x, y, 400, 300)).pixels, views[0], atol=RESAMPLED)
+
+
+def test_no_bands_are_hard_seams(factor, monkeypatch, rng):
+    noise = [rng.integers(0, 256, (SIZE[1], SIZE[0], 3), np.uint8) for _ in range(3)]
+    places = [(0, 0), (150, 20), (90, 110)]
+
+    hard, _ = panorama_of(noise, places, "none", monkeypatch, factor)
+    panorama, _ = panorama_of(noise, places, "multiband", monkeypatch, factor, bands=0)
+
+    np.testing.assert_allclose(covered(panorama)[1], covered(hard)[1], atol=FLOAT32_LEVELS)
+
+
+def test_each_band_more_makes_the_fade_wider(factor, monkeypatch):
+    widths = []
+    for bands in range(5):
+        pictures, places = [plain(DARK), plain(LIGHT)], [(0, 0), (160, 0)]
+        panorama, (x, y) = panorama_of(pictures, places, "multiband", monkeypatch, factor, bands=bands)
+        across = panorama.read(Region(x, y, SIZE[0] + 160, SIZE[1])).pixels[SIZE[1] // 2, :, 0]
+        widths.append(int(((across > DARK + 1) & (across < LIGHT - 1)).sum()))
+
+    assert widths[0] == 0
+    assert all(narrow < wide for narrow, wide in pairwise(widths))

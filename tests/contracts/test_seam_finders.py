@@ -1,5 +1,7 @@
 """What every way of laying seams promises, whichever it is: `SEAMS` decides which are tested."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -99,6 +101,28 @@ def test_same_every_time(name, rng):
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_turning_a_closed_turn_turns_its_seams(name, rng):
+    closed = replace(CANVAS, wraps=True)
+    picture = ground(rng)
+    seen = [picture + rng.normal(0, GRAIN, picture.shape).astype(np.float32) for _ in range(4)]
+
+    def turned(by):
+        return SEAMS[name](closed, [piece for n in range(4) for piece in around(seen[n], n, 75 * n + by, by)])
+
+    assert len(around(seen[0], 0, 290, 290)) == 2  # or no photo would lie across the edge
+    assert np.array_equal(turned(290), np.roll(turned(0), 290, axis=1))
+
+
+def around(picture, photo, left, turn, reach=120):
+    """(photo, layer) pieces of a photo on a closed turn; the picture is turned as well."""
+    width, height = CANVAS.size
+    rolled = np.roll(picture, turn, axis=1)
+    first = left % width
+    parts = [(first, min(width, first + reach)), (0, max(0, first + reach - width))]
+    return [(photo, layer(rolled, Region(x, 10, end - x, height - 20))) for x, end in parts if end > x]
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_extending_leaves_no_hole_and_changes_no_owner(name, rng):
     labels = SEAMS[name](CANVAS, arrangements(rng)["apart"])
 
@@ -137,6 +161,41 @@ def test_graph_cuts_go_around_what_moved(photo, rng):
     assert seam_inside_object(SEAMS["graphcut"](CANVAS, pieces)) == 0
     # and the plain way does not, or there would have been nothing to go around
     assert seam_inside_object(SEAMS["voronoi"](CANVAS, pieces)) >= OBJECT[0].stop - OBJECT[0].start
+
+
+GRASS = 12.0  # grey levels, standard deviation of what two photos of grass in the wind differ by
+PERSON = (slice(40, 130), slice(140, 160))  # narrow: through it is the short way
+
+
+@pytest.mark.parametrize("photo", [0, 1])
+def test_somebody_in_the_grass_stays_whole(photo, rng):
+    picture = ground(rng)
+    layers = []
+    for number, region in enumerate((Region(0, 0, 200, 160), Region(100, 0, 200, 160))):
+        seen = picture + rng.normal(0, GRASS, picture.shape).astype(np.float32)
+        if number == photo:
+            seen[PERSON] -= 60
+        layers.append((number, layer(seen.astype(np.float32), region)))
+
+    labels = SEAMS["graphcut"](CANVAS, layers)
+
+    assert len(np.unique(labels[PERSON])) == 1
+
+
+def test_many_photos_over_one_place_are_cut_again(rng):
+    """The third photo agrees with both others where these do not: it takes their seam over."""
+    picture = ground(rng)
+    left, right = picture.copy(), picture.copy()
+    left[:, 140:160] += 50
+    pieces = [
+        (0, layer(left, Region(0, 0, 160, 160))),
+        (1, layer(right, Region(140, 0, 160, 160))),
+        (2, layer(picture, Region(80, 0, 140, 160))),
+    ]
+
+    labels = SEAMS["graphcut"](CANVAS, pieces)
+
+    assert (labels[5:-5, 139:161] != 0).all()
 
 
 def test_graph_cuts_run_half_way_where_nothing_tells_the_photos_apart():

@@ -34,7 +34,7 @@ def compose(
     pieces = _pieces(alignment, canvas, plan, options, decoded, tile, region)
     composite, covered = hard_composite(pieces, (tile.height, tile.width))
     changes = [_change(plan, canvas, piece.photo, tile) for piece in pieces]
-    blended = blender.join(pieces, changes, composite, plan.factor)
+    blended = blender.join(pieces, changes, composite, plan.factor, options.bands)
     inner = region.within(tile)
     mask = covered[inner]
     return Layer(region, np.where(mask[..., None], blended[inner], 0).astype(np.float32), mask)

@@ -72,7 +72,7 @@ def make_plan(
     extended = extend(labels)
     owned = [_piece(n, layer, extended, small.region) for n, layer in exposed]
     composite, _ = hard_composite(owned, covered.shape)
-    blended = BLENDERS[options.blender].blend_reduced(owned, extended, composite, small, factor)
+    blended = BLENDERS[options.blender].blend_reduced(owned, extended, composite, small, factor, options.bands)
     picture = composite if blended is None else blended
     kept, reason = crop if isinstance(crop, Crop) else at_full_size(choose_crop(covered, crop), canvas, factor)
     cells = kept.grown(0, multiple=factor).divided(factor)

@@ -10,9 +10,11 @@ from panostitch.compositing.blend.pieces import Floats, Piece
 SPREAD = 4.0  # standard deviation of the fading, px of the reduced canvas
 
 
-def join(pieces: Sequence[Piece], changes: Sequence[Floats], composite: Floats, factor: int) -> Floats:
+def join(
+    pieces: Sequence[Piece], changes: Sequence[Floats], composite: Floats, factor: int, levels: int | None
+) -> Floats:
     """Mean of the photos with weights that fall off across the seams; only where a photo shows something."""
-    del changes
+    del changes, levels
     total, weights = np.zeros_like(composite), np.zeros(composite.shape[:2], np.float32)
     for piece in pieces:
         owns = np.zeros(composite.shape[:2], np.float32)

@@ -21,11 +21,17 @@ COARSEST = 4  # the lowest band of the smallest photo is this many pixels wide
 HALO = 3  # times 2^levels: what lies farther away changes a pixel by less than 0.0001 of a grey level
 
 
-def blend_reduced(pieces: Sequence[Piece], labels: Labels, composite: Floats, canvas: Canvas, factor: int) -> Floats:
-    """The picture (h, w, 3) blended in all bands that the reduced canvas has."""
-    sides = [min(piece.mask.shape) for piece in pieces if piece.mask.any()]
-    levels = max(0, floor(log2(max(1, min(sides, default=1) / COARSEST))))
-    bands = _Bands(composite.shape[:2], levels, wraps=canvas.wraps)
+def blend_reduced(
+    pieces: Sequence[Piece], labels: Labels, composite: Floats, canvas: Canvas, factor: int, levels: int | None
+) -> Floats | None:
+    """The picture (h, w, 3) blended in the bands that the tiles leave over; None where they leave none.
+
+    levels: number of bands beside the low-pass, those of the tiles included; None for as many as the photos are wide
+    """
+    fine = _fine(factor)
+    if levels is not None and levels < fine:
+        return None
+    bands = _Bands(composite.shape[:2], _widest(pieces) if levels is None else levels - fine, wraps=canvas.wraps)
     others, shared = _others(pieces, labels, composite)
     for photo in sorted({piece.photo for piece in pieces}):
         owns = np.asarray(labels == photo)
@@ -38,6 +44,22 @@ def blend_reduced(pieces: Sequence[Piece], labels: Labels, composite: Floats, ca
     return bands.collapse()
 
 
+def _fine(factor: int) -> int:
+    return factor.bit_length() - 1
+
+
+def _widest(pieces: Sequence[Piece]) -> int:
+    """Number of bands of the reduced canvas after which the smallest photo is `COARSEST` pixels wide.
+
+    A photo that lies across the edge of a full turn is as wide as its two pieces together, however narrow one is.
+    """
+    sides = []
+    for photo in {piece.photo for piece in pieces}:
+        heights, widths = zip(*(piece.mask.shape for piece in pieces if piece.photo == photo), strict=True)
+        sides.append(min(max(heights), sum(widths)))
+    return max(0, floor(log2(max(1, min(sides, default=1) / COARSEST))))
+
+
 def _others(pieces: Sequence[Piece], labels: Labels, composite: Floats) -> tuple[Floats, Booleans]:
     """What a photo that is not the owner shows of each pixel (h, w, 3), and where there is one."""
     picture, shared = composite.copy(), np.zeros(labels.shape, bool)
@@ -48,15 +70,19 @@ def _others(pieces: Sequence[Piece], labels: Labels, composite: Floats) -> tuple
     return picture, shared
 
 
-def join(pieces: Sequence[Piece], changes: Sequence[Floats], composite: Floats, factor: int) -> Floats:
+def join(
+    pieces: Sequence[Piece], changes: Sequence[Floats], composite: Floats, factor: int, levels: int | None
+) -> Floats:
     """Fine bands of a tile (h, w, 3) over the blended low ones; its sides must be multiples of the factor."""
-    levels = factor.bit_length() - 1
+    fine = _fine(factor)
     owners = [(piece, change) for piece, change in zip(pieces, changes, strict=True) if piece.owns.any()]
     if len(owners) == 1:
-        return composite + _enlarged(owners[0][1], levels)
-    bands = _Bands(composite.shape[:2], levels, wraps=False)
+        return composite + _enlarged(owners[0][1], fine)
+    depth = fine if levels is None else min(levels, fine)
+    bands = _Bands(composite.shape[:2], depth, wraps=False)
     for piece, change in owners:
-        bands.add(piece.pixels, np.asarray(piece.owns, np.float32), change)
+        # with fewer bands nothing was blended on the reduced canvas
+        bands.add(piece.pixels, np.asarray(piece.owns, np.float32), change if depth == fine else None)
     return bands.collapse()
 
 

@@ -6,14 +6,18 @@ from panostitch.compositing.blend.pieces import Floats, Labels, Piece
 from panostitch.model.canvas import Canvas
 
 
-def blend_reduced(pieces: Sequence[Piece], labels: Labels, composite: Floats, canvas: Canvas, factor: int) -> None:
+def blend_reduced(
+    pieces: Sequence[Piece], labels: Labels, composite: Floats, canvas: Canvas, factor: int, levels: int | None
+) -> None:
     """Nothing is blended on the reduced canvas."""
-    del pieces, labels, composite, canvas, factor
+    del pieces, labels, composite, canvas, factor, levels
 
 
-def join(pieces: Sequence[Piece], changes: Sequence[Floats], composite: Floats, factor: int) -> Floats:
+def join(
+    pieces: Sequence[Piece], changes: Sequence[Floats], composite: Floats, factor: int, levels: int | None
+) -> Floats:
     """The hard composite as it is."""
-    del pieces, changes, factor
+    del pieces, changes, factor, levels
     return composite
 
 

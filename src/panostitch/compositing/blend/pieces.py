@@ -32,12 +32,14 @@ class Piece:
     owns: Booleans
 
 
-# From pieces, labels (h, w) without a gap and the hard composite (h, w, 3), all on the reduced canvas, and the factor
-# of the reduction, to the blended picture (h, w, 3); None where a blender does nothing there.
-BlendReduced = Callable[[Sequence[Piece], Labels, Floats, Canvas, int], Floats | None]
-# From the pieces of a tile, the change (h / factor, w / factor, 3) of each, the hard composite (h, w, 3) and the factor
-# to the pixels (h, w, 3). Change (i, j) belongs to the tile's pixel (factor i, factor j), as in `cv2.pyrDown`.
-Join = Callable[[Sequence[Piece], Sequence[Floats], Floats, int], Floats]
+# From pieces, labels (h, w) without a gap and the hard composite (h, w, 3), all on the reduced canvas, the factor of
+# the reduction and the number of bands (None: by the photos) to the blended picture (h, w, 3); None where a blender
+# does nothing there.
+BlendReduced = Callable[[Sequence[Piece], Labels, Floats, Canvas, int, int | None], Floats | None]
+# From the pieces of a tile, the change (h / factor, w / factor, 3) of each, the hard composite (h, w, 3), the factor
+# and the number of bands to the pixels (h, w, 3). Change (i, j) belongs to the tile's pixel (factor i, factor j), as
+# in `cv2.pyrDown`.
+Join = Callable[[Sequence[Piece], Sequence[Floats], Floats, int, int | None], Floats]
 
 
 def hard_composite(pieces: Sequence[Piece], shape: tuple[int, int]) -> tuple[Floats, Booleans]:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from panostitch.compositing.seams.dp import dp
 from panostitch.compositing.seams.graphcut import graphcut
 from panostitch.compositing.seams.voronoi import voronoi
 from panostitch.model.canvas import Canvas, Layer
@@ -16,6 +17,7 @@ Labels = NDArray[np.int16]
 # From (photo, layer) pieces on a canvas to labels (h, w): the photo that owns the pixel, NOBODY outside all photos.
 SEAMS: dict[str, Callable[[Canvas, Sequence[tuple[int, Layer]]], Labels]] = {
     "graphcut": graphcut,
+    "dp": dp,
     "voronoi": voronoi,
 }
 
