@@ -37,7 +37,7 @@ LOSS_SCALE = 2.0  # working px: about the noise of a key point, so that true mat
 MAX_RMS = 12.0  # working px: an alignment that is this far off has not been found
 POINTS_PER_PHOTO = 300  # control points to be measured again, over all links of a photo
 MOST_POINTS, FEWEST_POINTS = 100, 40  # of one link
-SHOWS = 0.5  # px, 95 % of the control points: where these are nearer, the photos need no bending
+SHOWS = 0.5  # px: where 90 % of the control points are nearer, the photos need no bending
 HELD_BACK = 8  # of so many control points one is kept to judge by,
 JUDGED_FROM = 24  # in links that have at least this many
 
@@ -76,7 +76,7 @@ def align_group(
         pairs=tuple(pairs),
     )
     trace("alignment.solved", alignment=alignment, residuals={"rms": alignment.rms, "p95": alignment.p95})
-    if options.local_warp == "none" or _p95(solved.errors(points)) < SHOWS:
+    if options.local_warp == "none" or np.percentile(solved.errors(points), 90) < SHOWS:
         return alignment
     return _bent(alignment, points, run, trace)
 

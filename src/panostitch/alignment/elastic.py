@@ -30,9 +30,11 @@ Floats = NDArray[np.float64]
 
 COARSEST, FINEST = 240, 1600  # px of the photos' longer side
 WAY = 8.0  # px of the reduced photo, from where a point is sought
-BLOCKS = 1200  # of a photo in a pair, a corner sought in each,
+BLOCKS = 1000  # of a photo in a pair, a corner sought in each,
 FEWEST_BLOCKS = 200  # less where a photo has many partners
 SMALLEST_BLOCK = 6  # px
+FEWEST_CELLS = 12  # along a photo, of meshes that only say where to look, and of those of very many photos
+FEW = 6  # photos; with more, cells become larger
 CORNER = 5  # px, side of the window
 NEIGHBOURS = 8
 ODD = 0.01  # of the photo's longer side: a match that is this much off its neighbours' median is none
@@ -50,16 +52,18 @@ def elastic(
     pictures = pictures_of(photos)
     lines = list(run.map(partial(straight_lines, pictures), range(len(photos)), label="Finding straight lines"))
     blocks = int(np.clip(BLOCKS * len(photos) / (2 * len(points)), FEWEST_BLOCKS, BLOCKS))
-    known = [_agreeing(cameras, pair) for pair in points]
-    bent = with_meshes(cameras, known, lines)
+    known = [agreeing(cameras, pair) for pair in points]
+    bent = with_meshes(cameras, known, lines, FEWEST_CELLS)
     held: list[ControlPoints] = []
-    for factor in _factors(photos):
+    factors = _factors(photos)
+    for factor in factors:
         work = partial(_found, pictures, bent, factor, blocks)
         found = run.map(work, [(pair.i, pair.j) for pair in known], label="Measuring parallax")
-        agreeing = [_agreeing(cameras, pair) for pair in found]
-        held = [pair.take(_held_back(cameras, pair)) for pair in agreeing]
-        known = [_completed(cameras, new, old) for new, old in zip(agreeing, known, strict=True)]
-        bent = with_meshes(cameras, [pair.take(~_held_back(cameras, pair)) for pair in known], lines)
+        sound = [agreeing(cameras, pair) for pair in found]
+        held = [pair.take(_held_back(cameras, pair)) for pair in sound]
+        known = [_completed(cameras, new, old) for new, old in zip(sound, known, strict=True)]
+        used = [pair.take(~_held_back(cameras, pair)) for pair in known]
+        bent = with_meshes(cameras, used, lines, _cells_for(photos) if factor == factors[-1] else FEWEST_CELLS)
     return bent, _judged(cameras, bent, held)
 
 
@@ -69,6 +73,11 @@ def _factors(photos: Sequence[Photo]) -> list[int]:
     finest = max(1, int(longest / FINEST))
     coarser = range(1, 1 + max(0, int(np.log2(longest / finest / COARSEST))))
     return [*(finest * 2**k for k in reversed(coarser)), finest]
+
+
+def _cells_for(photos: Sequence[Photo]) -> int:
+    """Cells along a photo: as many as can be solved for in a few seconds."""
+    return int(np.clip(CELLS * np.sqrt(FEW / len(photos)), FEWEST_CELLS, CELLS))
 
 
 def _found(
@@ -99,7 +108,7 @@ def _corners(grey: NDArray[np.float32], blocks: int) -> Floats:
     return np.column_stack([(column * side + best % side).ravel(), (row * side + best // side).ravel()]).astype(float)
 
 
-def _agreeing(cameras: Sequence[Camera], points: ControlPoints) -> ControlPoints:
+def agreeing(cameras: Sequence[Camera], points: ControlPoints) -> ControlPoints:
     """The matches that go about the same way as their neighbours."""
     if len(points) <= NEIGHBOURS:
         return points.take(np.zeros(len(points), bool))

@@ -17,18 +17,20 @@ from scipy.sparse.linalg import LinearOperator, cg, splu
 
 from panostitch.model.camera import Camera
 from panostitch.model.match import ControlPoints
-from panostitch.model.mesh import STEEPEST, Mesh, flat_mesh
+from panostitch.model.mesh import CELLS, STEEPEST, Mesh, flat_mesh
 
 Floats = NDArray[np.float64]
 
 ROUNDS = 5
 CLOSE = 3.0  # times the median error: matches within it count fully
 CLOSEST = 0.2  # px, and at least these
+NARROWER = 3.0  # times, from round to round, at most
 STIFFNESS = 0.1  # of a second difference of 1 px between nodes, in errors of 1 px of a match
-FADING = 8.0  # cells over which a displacement fades where nothing holds it
-LINE_STIFFNESS = 10.0  # the same as STIFFNESS, across a straight line and for each step of a cell along it
-EXACT, MOST_STEPS = 1e-6, 200  # of the conjugate gradients: share of the right side that is left, and steps
+FADING = 0.2  # of the photo's longer side, over which a displacement fades where nothing holds it
+LINE_STIFFNESS = 100.0  # the same as STIFFNESS, across a straight line and for each step of a cell along it
+EXACT, MOST_STEPS = 1e-4, 200  # of the conjugate gradients: share of the right side that is left, and steps
 LARGEST = 0.02  # of the photo's longer side: the most that a photo is displaced
+TAMED = 0.99  # times the steepest that a mesh may be: from here on it would have been steeper
 STIFFER = 4.0  # times, where a mesh would be steeper than it may be
 
 
@@ -41,9 +43,9 @@ class _Pair:
 
 
 def with_meshes(
-    cameras: Sequence[Camera], points: Sequence[ControlPoints], lines: Sequence[Floats]
+    cameras: Sequence[Camera], points: Sequence[ControlPoints], lines: Sequence[Floats], cells: int = CELLS
 ) -> tuple[Camera, ...]:
-    """The cameras with the meshes that explain the matches best.
+    """The cameras with the meshes, of so many cells along a photo, that explain the matches best.
 
     lines: of each photo, (n, 3, 2) px: points at equal distances along straight lines
     """
@@ -51,8 +53,8 @@ def with_meshes(
     pairs = [_Pair(pair, _slope(plain[pair.i], plain[pair.j], pair.xy_i)) for pair in points if len(pair)]
     stiffness = STIFFNESS
     while True:
-        found = _solved(plain, pairs, lines, stiffness)
-        if all(camera.mesh.steepness <= STEEPEST for camera in found if camera.mesh):
+        found = _solved(plain, pairs, lines, cells, stiffness)
+        if all(camera.mesh.steepness < TAMED * STEEPEST for camera in found if camera.mesh):
             return found
         stiffness *= STIFFER
 
@@ -63,16 +65,19 @@ def errors(cameras: Sequence[Camera], points: ControlPoints) -> Floats:
 
 
 def _solved(
-    cameras: Sequence[Camera], pairs: Sequence[_Pair], lines: Sequence[Floats], stiffness: float
+    cameras: Sequence[Camera], pairs: Sequence[_Pair], lines: Sequence[Floats], cells: int, stiffness: float
 ) -> tuple[Camera, ...]:
-    bent = [replace(camera, mesh=flat_mesh(camera.size)) for camera in cameras]
+    bent = [replace(camera, mesh=flat_mesh(camera.size, cells)) for camera in cameras]
     prior = block_diag(
         [_prior(camera.mesh, lines[n], stiffness) for n, camera in enumerate(bent) if camera.mesh], format="csc"
     )
-    factors, solution = None, None
+    if not pairs:
+        return tuple(bent)
+    factors, solution, scale = None, None, 0.0
     for _ in range(ROUNDS):
         rows, target = _equations(cameras, bent, pairs)
-        weighted = rows.T @ diags_array(_weights(bent, pairs))
+        weight, scale = _weights(bent, pairs, least=scale / NARROWER)
+        weighted = rows.T @ diags_array(weight)
         normal = csc_array(weighted @ rows + prior)
         if factors is None:
             factors = splu(normal, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
@@ -83,11 +88,14 @@ def _solved(
     return tuple(bent)
 
 
-def _weights(bent: Sequence[Camera], pairs: Sequence[_Pair]) -> Floats:
-    """Cauchy weights (2 n,), one for each coordinate of each match."""
+def _weights(bent: Sequence[Camera], pairs: Sequence[_Pair], *, least: float) -> tuple[Floats, float]:
+    """Cauchy weights (2 n,), one for each coordinate of each match, and their scale: px, `least` or more.
+
+    Were it to become small at once, what the first mesh does not follow yet would never count again.
+    """
     lengths = [np.nan_to_num(np.linalg.norm(errors(bent, pair.points), axis=1), nan=1e6) for pair in pairs]
-    scale = max(CLOSE * float(np.median(np.concatenate(lengths))), CLOSEST)
-    return np.concatenate([np.tile(1 / (1 + (length / scale) ** 2), 2) for length in lengths])
+    scale = max(CLOSE * float(np.median(np.concatenate(lengths))), CLOSEST, least)
+    return np.concatenate([np.tile(1 / (1 + (length / scale) ** 2), 2) for length in lengths]), scale
 
 
 def _displaced(bent: Sequence[Camera], solution: Floats) -> list[Camera]:
@@ -101,7 +109,9 @@ def _displaced(bent: Sequence[Camera], solution: Floats) -> list[Camera]:
         length = np.linalg.norm(nodes, axis=2, keepdims=True)
         most = LARGEST * max(camera.size)
         nodes = nodes * np.minimum(1, most / np.maximum(length, 1e-12))
-        found.append(replace(camera, mesh=Mesh(camera.size, nodes.round(4))))
+        mesh = Mesh(camera.size, nodes)
+        tamed = nodes * min(1.0, STEEPEST / max(mesh.steepness, 1e-12))  # what folds has no inverse
+        found.append(replace(camera, mesh=Mesh(camera.size, tamed.round(4))))
         start += 2 * count
     return found
 
@@ -162,7 +172,7 @@ def _prior(mesh: Mesh, lines: Floats, stiffness: float) -> csc_array:
     along = kron(one, eye_array(columns))
     twisted = kron(down, right)
     plate = across.T @ across + along.T @ along + 2 * twisted.T @ twisted
-    single = stiffness * (plate + eye_array(rows * columns) / FADING**4)
+    single = stiffness * (plate + eye_array(rows * columns) / (FADING * max(mesh.cells)) ** 4)
     prior = block_diag([single, single])
     if len(lines):
         bend = _line_rows(mesh, lines)

@@ -11,7 +11,7 @@ from panostitch.geometry import spline
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-CELLS = 24  # along the longer side of a photo
+CELLS = 24  # along the longer side of a photo, at most
 STEEPEST = 0.5  # px by which the displacement may change from one px to the next: far from any fold
 ARRIVED = 1e-9  # px
 MOST_ROUNDS = 60  # each at least halves the error: STEEPEST
@@ -86,9 +86,9 @@ class Mesh:
         return Mesh(size, self.nodes * (np.array(size) / self.size))
 
 
-def flat_mesh(size: tuple[int, int]) -> Mesh:
-    """The mesh of a photo of this size that displaces nothing; its cells are about square."""
-    step = max(size) / CELLS
+def flat_mesh(size: tuple[int, int], cells: int = CELLS) -> Mesh:
+    """The mesh of a photo of this size that displaces nothing; so many cells along its longer side, about square."""
+    step = max(size) / cells
     columns, rows = (max(1, round(n / step)) for n in size)
     return Mesh(size, np.zeros((rows + 3, columns + 3, 2)))
 
