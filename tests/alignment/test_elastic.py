@@ -122,7 +122,7 @@ def test_straight_lines_stay_straight():
 
 @cache
 def scene():
-    return sphere_scene(procedural_texture(2000, 1000, seed=3))
+    return sphere_scene(procedural_texture(1600, 800, seed=3))
 
 
 @cache
