@@ -45,17 +45,20 @@ EACH = 3  # of so many matches one is held back
 STEP = 4  # px between exact coordinates when a photo is resampled
 WINDOW = 7  # px, of SSIM
 PROTOCOL = f"""Key points of the full photos (SIFT, at most {DETECTION.max_features}) are matched by ratio test
-and mutually. A match that goes more than {100 * ODD:g} % of the photo's length another way than the median of its {NEIGHBOURS}
-neighbours is taken for wrong. One in {EACH} is held back, and all are judged by these: the distance, in pixels of the
-second photo, from where the cameras (or the homography) send the point of the first photo to where it was matched.
-`{HOMOGRAPHY}` is MAGSAC++ and robust least squares on the other matches. panostitch and cv2.Stitcher get nothing but
-the two photos; of cv2.Stitcher the cameras are taken that it gives back (`cameras()`), which is all its geometry: it
-has no local warp. The meshes of panostitch are fitted to patches of its own choice, which may lie where a match is held back.
+and mutually. A match that goes more than {100 * ODD:g} % of the photo's length another way than the median of its
+{NEIGHBOURS} neighbours is taken for wrong. One in {EACH} is held back, and all are judged by these: the distance, in
+pixels of the second photo, from where the cameras (or the homography) send the point of the first photo to where it was
+matched. `{HOMOGRAPHY}` is MAGSAC++ and robust least squares on the other matches. panostitch and cv2.Stitcher get
+nothing but the two photos; of cv2.Stitcher the cameras are taken that it gives back (`cameras()`), which is all its
+geometry: it has no local warp. The meshes of panostitch are fitted to patches of its own choice, which may lie where a
+match is held back.
+
+The filter favours whatever is smooth, and lets wrong matches pass that come in groups, as on rows of like posts: where
+the root mean square is many times the median, it speaks of these, in all columns alike.
 
 PSNR and SSIM: the second photo is resampled into the first one and compared there, after a gain for each channel, over
-the pixels that all contestants of the set put into both photos, and nowhere else. The neighbourhood filter favours
-whatever is smooth; it is the same for all. A dash: no result. One row of means is over all sets, the other over those
-in which every contestant has a result."""
+the pixels that all contestants of the set put into both photos, and nowhere else. A dash: no result. One row of means
+is over all sets, the other over those in which every contestant has a result."""
 
 
 @dataclass(frozen=True)
