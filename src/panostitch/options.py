@@ -99,6 +99,11 @@ class AlignmentOptions:
     straighten: Literal["auto", "none"] = option(
         "auto", "Level the horizon (auto), or leave the view as it was found (none)."
     )
+    local_warp: Literal["auto", "none"] = option(
+        "auto",
+        "Bend each photo a little where the cameras cannot explain what it shows (parallax), if matches that are held "
+        "back say that it helps (auto), or never (none).",
+    )
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,7 @@
 """A photo on the canvas: against the formula itself, in any part, at any size."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from panostitch.compositing import lay_out, warp
 from panostitch.compositing.view import look
 from panostitch.geometry.projections import PROJECTIONS
 from panostitch.model.canvas import Canvas, Region
+from panostitch.model.mesh import Mesh, flat_mesh
 from panostitch.model.photo import Photo
 from panostitch.options import LayoutOptions
 from panostitch.synthetic.render import ArraySource
@@ -153,6 +156,35 @@ def test_a_part_has_the_coordinates_of_the_whole(projection, region):
     for a, b in zip(whole[:2], part[:2], strict=True):
         np.testing.assert_allclose(b, a[rows_columns], rtol=0, atol=SAME)
     assert np.array_equal(part[2], whole[2][rows_columns])
+
+
+def bent(camera):
+    """The camera with a mesh that displaces by up to 3 px."""
+    mesh = flat_mesh(camera.size)
+    return replace(camera, mesh=Mesh(camera.size, np.random.default_rng(2).uniform(-2, 2, mesh.nodes.shape)))
+
+
+def test_a_mesh_is_part_of_the_coordinates():
+    plain, canvas = setting()
+    camera = bent(plain)
+
+    x, y, _ = warp.coordinates(camera, canvas, canvas.region)
+
+    truth = exact(camera, canvas, canvas.region)
+    seen = inside(truth, SIZE)
+    assert np.abs(np.dstack([x, y]) - truth)[seen].max() < COORDINATES
+    assert np.abs(truth - exact(plain, canvas, canvas.region))[seen].max() > 1.0  # px
+
+
+def test_a_mesh_is_the_same_in_every_part():
+    camera, canvas = setting()
+    region = Region(37, 11, 200, 150)
+
+    whole = warp.coordinates(bent(camera), canvas, canvas.region)
+    part = warp.coordinates(bent(camera), canvas, region)
+
+    for a, b in zip(whole[:2], part[:2], strict=True):
+        np.testing.assert_allclose(b, a[region.within(canvas.region)], rtol=0, atol=SAME)
 
 
 def test_parts_may_lie_beside_the_canvas():

@@ -1,6 +1,7 @@
 """A dump of a whole run: pictures, numbers, and what happens when something fails."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,9 @@ import pytest
 from panostitch.debug import Dump, diagram, draw
 from panostitch.debug.dump import encode
 from panostitch.errors import InputError
+from panostitch.model.alignment import LocalWarp
 from panostitch.model.match import Groups
+from panostitch.model.mesh import flat_mesh
 from panostitch.model.photo import Photo
 
 LONGEST = 1600
@@ -321,3 +324,25 @@ def test_closed_means_closed(run, tmp_path):
     run.send(dump)
     dump.close()
     assert written(tmp_path) == {"metrics.json"}
+
+
+def test_meshes_are_drawn_and_noted(tmp_path, run):
+    plain = run.alignment
+    mesh = flat_mesh(run.photo_size)
+    mesh = replace(mesh, nodes=mesh.nodes + 1.5)
+    alignment = replace(
+        plain,
+        cameras=(replace(plain.cameras[0], mesh=mesh), plain.cameras[1]),
+        local_warp=LocalWarp(True, 40, 1.5, 1.1, 0.3, 0.2),
+    )
+
+    with Dump(tmp_path / "d") as dump:
+        dump("photos.read", photos=run.photos)
+        dump("alignment.bent", alignment=alignment)
+
+    data = json.loads((tmp_path / "d" / "metrics.json").read_text())
+    assert data["failed"] == []
+    assert [name for name in data["files"] if "mesh_" in name] == [data["files"][-1]]
+    assert data["local_warp"]["bent_rms"] == 0.3
+    (largest,) = data["local_warp"]["largest_px"].values()
+    assert largest == pytest.approx(1.5 * np.sqrt(2))

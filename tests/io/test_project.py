@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,9 @@ from panostitch.errors import InputError, OutputError
 from panostitch.geometry import rotation
 from panostitch.io.project import read_project, write_project
 from panostitch.io.readers import open_photo
-from panostitch.model.alignment import Alignment, LeftOut, LinkSummary
+from panostitch.model.alignment import Alignment, LeftOut, LinkSummary, LocalWarp
 from panostitch.model.camera import Camera
+from panostitch.model.mesh import flat_mesh
 
 SIZE = (60, 40)
 
@@ -108,6 +110,21 @@ def test_a_folder_that_is_not_there():
         write_project(alignment, "none/x.pano.json")
 
 
+def test_meshes_and_their_gain_come_back():
+    alignment = make_alignment(["a.png", "b.png"])
+    mesh = flat_mesh(SIZE)
+    mesh = replace(mesh, nodes=np.random.default_rng(1).normal(0, 0.1, mesh.nodes.shape))
+    cameras = (replace(alignment.cameras[0], mesh=mesh), alignment.cameras[1])
+    alignment = replace(alignment, cameras=cameras, local_warp=LocalWarp(True, 40, 1.5, 1.1, 0.3, 0.2))
+
+    write_project(alignment, "x.pano.json")
+    back = read_project("x.pano.json")
+
+    np.testing.assert_array_equal(back.cameras[0].mesh.nodes, mesh.nodes)
+    assert back.cameras[1].mesh is None
+    assert back.local_warp == alignment.local_warp
+
+
 def changed(data, *keys, to):
     """Set (or delete, where `to` is Ellipsis) an entry deep inside."""
     place = data
@@ -124,7 +141,7 @@ def changed(data, *keys, to):
 BROKEN = {
     "another format": (("format",), "something", "panostitch"),
     "no format": (("format",), ..., "format"),
-    "next version": (("version",), 3, "version"),
+    "next version": (("version",), 4, "version"),
     "no version": (("version",), ..., "version"),
     "model unknown": (("model",), "cube", "panorama"),
     "no photos": (("photos",), [], "panorama"),
@@ -149,6 +166,11 @@ BROKEN = {
     "matrix singular": (("photos", 1, "cam_from_world"), [[0, 0, 0]] * 3, "singular"),
     "matrix ragged": (("photos", 1, "cam_from_world"), [[1, 2], [1]], ""),
     "matrix infinite": (("photos", 1, "cam_from_world"), [[float("inf"), 0, 0], [0, 1, 0], [0, 0, 1]], "finite"),
+    "mesh missing": (("photos", 0, "mesh"), ..., "mesh"),
+    "mesh a word": (("photos", 0, "mesh"), "flat", ""),
+    "mesh too small": (("photos", 0, "mesh"), [[[0, 0]] * 3] * 3, "mesh"),
+    "mesh folds": (("photos", 0, "mesh"), [[[0, 0], [99, 0]] * 3] * 4, "folds"),
+    "local warp a word": (("local_warp",), "yes", ""),
     "links null": (("links",), None, ""),
     "link of words": (("links", 0), {"from": 1}, ""),
     "left out a number": (("left_out",), 3, ""),

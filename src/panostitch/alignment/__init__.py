@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from panostitch.alignment.bundle import standard_errors
+from panostitch.alignment.elastic import elastic
 from panostitch.alignment.fit import (
     Fit,
     followed,
@@ -45,6 +46,7 @@ LOSS_SCALE = 2.0  # working px: about the noise of a key point, so that true mat
 MAX_RMS = 12.0  # working px: an alignment that is this far off has not been found
 POINTS_PER_PHOTO = 300  # control points to be measured again, over all links of a photo
 MOST_POINTS, FEWEST_POINTS = 100, 40  # of one link
+SHOWS = 0.5  # px: where 90 % of the control points are nearer, the photos need no bending
 HELD_BACK = 8  # of so many control points one is kept to judge by,
 JUDGED_FROM = 24  # in links that have at least this many
 
@@ -83,7 +85,18 @@ def align_group(
         pairs=tuple(pairs),
     )
     trace("alignment.solved", alignment=alignment, residuals={"rms": alignment.rms, "p95": alignment.p95})
-    return alignment
+    if options.local_warp == "none" or np.percentile(solved.errors(points), 90) < SHOWS:
+        return alignment
+    return _bent(alignment, points, run, trace)
+
+
+def _bent(alignment: Alignment, points: Sequence[ControlPoints], run: Executor, trace: Trace) -> Alignment:
+    """The alignment with a mesh for each photo where that helps. The control points are all there are: those that
+    were pruned may be the ones that show parallax."""
+    cameras, warp = elastic(alignment.photos, alignment.cameras, points, run=run)
+    bent = replace(alignment, cameras=cameras if warp.used else alignment.cameras, local_warp=warp)
+    trace("alignment.bent", alignment=bent)
+    return bent
 
 
 def _is_to_level(fit: Fit, options: AlignmentOptions) -> bool:

@@ -4,46 +4,23 @@ hundredth of a pixel of the photo (alignment.registration).
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from panostitch.alignment.pictures import Pictures, pictures_of
 from panostitch.alignment.registration import measured_again
 from panostitch.geometry.sampling import rescale
 from panostitch.model.camera import Camera
 from panostitch.model.match import ControlPoints
 from panostitch.model.photo import Photo
-from panostitch.runtime.cache import LastUsed
 from panostitch.runtime.executor import Executor
 
-Grey = NDArray[np.float32]
-
-CACHE_BYTES = 512 << 20  # grey photos kept for the next pairs
 REACH = 8.0  # px in a working pixel up to which key points are near enough for a search on the full photos
 LONGEST_WAY = 3.0  # working px; further off lies something else
 FEWEST = 8  # points of a pair; with fewer, the key points stay
-
-
-@dataclass(frozen=True)
-class _Pictures:
-    """Grey photos at 1 / factor of their size, read when they are needed and kept as far as the memory allows."""
-
-    photos: Sequence[Photo]
-    cache: LastUsed[Grey]
-
-    def read(self, index: int, factor: int) -> Grey:
-        """Photo (h, w); sizes are rounded."""
-        return self.cache.get((index, factor), partial(self._make, index, factor))
-
-    def _make(self, index: int, factor: int) -> Grey:
-        if factor == 1:
-            return np.asarray(cv2.cvtColor(self.photos[index].source.read()[0], cv2.COLOR_RGB2GRAY), np.float32)
-        full = self.read(index, 1)
-        size = (max(1, round(full.shape[1] / factor)), max(1, round(full.shape[0] / factor)))
-        return np.asarray(cv2.resize(full, size, interpolation=cv2.INTER_AREA), np.float32)
 
 
 def refined(
@@ -58,27 +35,26 @@ def refined(
 
     `pixel_size` is the size of a working pixel in px of the photos. Raises InputError where a photo cannot be read.
     """
-    pictures = _Pictures(photos, LastUsed(CACHE_BYTES, lambda grey: grey.nbytes))
-    work = partial(_pair, pictures, cameras, pixel_size=pixel_size)
+    work = partial(_pair, pictures_of(photos), cameras, pixel_size=pixel_size)
     return list(run.map(work, points, label="Measuring control points"))
 
 
-def _pair(pictures: _Pictures, cameras: Sequence[Camera], points: ControlPoints, *, pixel_size: float) -> ControlPoints:
+def _pair(pictures: Pictures, cameras: Sequence[Camera], points: ControlPoints, *, pixel_size: float) -> ControlPoints:
     begin = points
     if pixel_size > REACH:
         # what a reduced photo tells is only where to begin; points that it does not show begin where they were
         factor = 2 ** math.ceil(math.log2(pixel_size / REACH))
-        index, coarse = _measured(pictures, cameras, points, factor, LONGEST_WAY * pixel_size)
+        index, coarse = measured(pictures, cameras, points, factor, LONGEST_WAY * pixel_size)
         xy_j = points.xy_j + 0.0
         there = cameras[points.j].project(cameras[points.i].rays(np.vstack([points.xy_i[index], coarse.xy_i])))
         xy_j[index] = coarse.xy_j + there[: len(index)] - there[len(index) :]
         begin = replace(points, xy_j=xy_j)
-    _, found = _measured(pictures, cameras, begin, 1, LONGEST_WAY * pixel_size)
+    _, found = measured(pictures, cameras, begin, 1, LONGEST_WAY * pixel_size)
     return found if len(found) >= FEWEST else points
 
 
-def _measured(
-    pictures: _Pictures, cameras: Sequence[Camera], points: ControlPoints, factor: int, reach: float
+def measured(
+    pictures: Pictures, cameras: Sequence[Camera], points: ControlPoints, factor: int, reach: float
 ) -> tuple[NDArray[np.intp], ControlPoints]:
     """Which points can be measured on the photos at 1 / factor of their size, within `reach` px, and their places."""
     grey_i, grey_j = pictures.read(points.i, factor), pictures.read(points.j, factor)

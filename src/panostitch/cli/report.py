@@ -10,7 +10,7 @@ import click
 
 from panostitch.errors import EXIT_LEFT_OUT, EXIT_OK, PanostitchError
 from panostitch.io.forecast import Forecast
-from panostitch.model.alignment import Alignment, LeftOut, LinkSummary
+from panostitch.model.alignment import Alignment, LeftOut, LinkSummary, LocalWarp
 from panostitch.model.panorama import Panorama
 from panostitch.model.photo import natural_key
 from panostitch.runtime.memory import in_words
@@ -48,6 +48,8 @@ def say_alignment(alignment: Alignment, *, verbose: int) -> None:
         f"aligned {count} of {count + len(alignment.left_out)} photos, {len(alignment.links)} links, "
         f"{alignment.rms:.2f} px rms{judged}: {alignment.reason}"
     )
+    if alignment.local_warp:
+        say(f"local warp: {_gain(alignment.local_warp)}")
     for photo in alignment.photos:
         for note in photo.notes:
             say(f"note: {photo.name}: {note}")
@@ -59,6 +61,12 @@ def say_alignment(alignment: Alignment, *, verbose: int) -> None:
         _say_refuted(alignment)
     for left_out in alignment.left_out:
         _say_left_out(left_out)
+
+
+def _gain(warp: LocalWarp) -> str:
+    figures = f"{warp.rms:.2f} px off, {warp.bent_rms:.2f} px with the photos bent"
+    held = f"{warp.matches} matches that were held back are {figures}"
+    return held if warp.used else f"none: {held}, which is not clearly better" if warp.matches else "none: no matches"
 
 
 def _say_cameras(alignment: Alignment) -> None:

@@ -30,6 +30,7 @@ from panostitch.debug.ink import (
     write,
 )
 from panostitch.model.canvas import Layer, Region
+from panostitch.model.mesh import Mesh
 
 Floats = NDArray[np.float64]
 
@@ -37,6 +38,8 @@ MOST_CIRCLES = 300  # more hide the photo
 MOST_LINES = 150  # more become a carpet
 GAP = 8  # px between the two photos of a pair
 BAND_PEAK = 110.0  # grey levels from the middle that the strong edges of a band are stretched to
+MOST_BENT = 0.8  # of a cell: lines of a mesh that are drawn further apart are hard to follow
+MESH_POINTS = 100  # along each line
 SMALL = 800  # px; coarse bands are enlarged to about this
 _NOBODY_COLOUR: Colour = (24, 24, 26)
 
@@ -165,6 +168,24 @@ def band(pixels: NDArray[np.float32]) -> tuple[Picture, float]:
     strong = float(np.percentile(np.abs(numbers), 99.5)) if numbers.size else 0.0
     gain = BAND_PEAK / strong if strong > 1e-6 else 1.0
     return enlarged(to_bytes(fit(128 + gain * numbers))), gain
+
+
+def mesh(photo: Picture, bends: Mesh) -> tuple[Picture, float]:
+    """The photo with the lines of a mesh, bent as it bends them but so many times as much."""
+    picture = _dimmed(photo, 0.5)
+    size = np.array(picture.shape[1::-1])
+    columns, rows = bends.cells
+    step = min(size / (columns, rows))
+    scaled = bends.scaled((int(size[0]), int(size[1])))
+    times = float(np.clip(round(MOST_BENT * step / max(scaled.largest, 1e-9)), 1, 20))
+    ends = size - 0.5
+    for place in np.linspace(-0.5, ends[0], columns + 1):
+        line = np.column_stack([np.full(MESH_POINTS, place), np.linspace(-0.5, ends[1], MESH_POINTS)])
+        path(picture, line + times * scaled.displacement(line), SKY)
+    for place in np.linspace(-0.5, ends[1], rows + 1):
+        line = np.column_stack([np.linspace(-0.5, ends[0], MESH_POINTS), np.full(MESH_POINTS, place)])
+        path(picture, line + times * scaled.displacement(line), SKY)
+    return picture, times
 
 
 def enlarged(picture: Picture) -> Picture:

@@ -24,6 +24,7 @@ EVENTS = (
     "matching.linked",
     "matching.grouped",
     "alignment.solved",
+    "alignment.bent",
     "layout.chosen",
     "compositing.warped",
     "compositing.exposed",

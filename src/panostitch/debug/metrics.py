@@ -89,6 +89,18 @@ class Metrics:
             ],
         }  # fmt: skip
 
+    def alignment_bent(self, alignment: Alignment, **_: Any) -> None:
+        """What meshes gain, and how far they bend each photo."""
+        warp = alignment.local_warp
+        self._parts["local_warp"] = warp and {
+            **vars(warp),
+            "largest_px": {
+                photo.name: camera.mesh.largest
+                for photo, camera in zip(alignment.photos, alignment.cameras, strict=True)
+                if camera.mesh
+            },
+        }
+
     def layout_chosen(self, canvas: Canvas, reason: str, **_: Any) -> None:
         """The canvas and why."""
         self._parts["canvas"] = {

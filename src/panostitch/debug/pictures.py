@@ -2,6 +2,7 @@
 
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from panostitch.model.canvas import Canvas, Layer, Region
 from panostitch.model.features import Features
 from panostitch.model.light import Light
 from panostitch.model.match import Groups, Link, PutativeMatch, VerifiedMatch
+from panostitch.model.mesh import Mesh
 from panostitch.model.photo import Photo
 
 Pixels = NDArray[np.float32]
@@ -130,6 +132,18 @@ class Pictures:
                 edges,
             ),
         )
+
+    def alignment_bent(self, alignment: Alignment, **_: Any) -> None:
+        """Each photo that is bent, with its mesh."""
+        for photo, camera in zip(alignment.photos, alignment.cameras, strict=True):
+            if camera.mesh:
+                self._save(
+                    f"{folder.ALIGNMENT}/mesh_{self._names.of(photo.name)}.jpg", partial(self._mesh, photo, camera.mesh)
+                )
+
+    def _mesh(self, photo: Photo, mesh: Mesh) -> Picture:
+        drawn, times = draw.mesh(self._pixels.half(photo), mesh)
+        return captioned(drawn, f"{photo.name}   bent by up to {mesh.largest:.1f} px, drawn {times:.0f} times as much")
 
     def layout_chosen(self, alignment: Alignment, canvas: Canvas, reason: str, **_: Any) -> None:
         """Outlines of the photos on the canvas."""

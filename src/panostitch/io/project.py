@@ -14,6 +14,7 @@ from panostitch.model.alignment import (
     Alignment,
     LeftOut,
     LinkSummary,
+    LocalWarp,
     Model,
     PairTried,
     Uncertainty,
@@ -58,6 +59,7 @@ def read_project(path: str) -> Alignment:
             held_back_p95=_number(data["held_back_p95"]),
             uncertainties=tuple(Uncertainty(**entry) for entry in data["uncertainties"]),
             pairs=tuple(PairTried(**entry) for entry in data["pairs"]),
+            local_warp=None if data["local_warp"] is None else LocalWarp(**data["local_warp"]),
         )
     except InputError:
         raise

@@ -7,12 +7,13 @@ import numpy as np
 
 from panostitch.model.camera import Camera
 from panostitch.model.match import ControlPoints
+from panostitch.model.mesh import mesh_from_json
 from panostitch.model.photo import Photo
 
 Model = Literal["rotation", "similarity", "affine", "homography"]
 
 FORMAT = "panostitch alignment"
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,26 @@ class Uncertainty:
 
 
 @dataclass(frozen=True)
+class LocalWarp:
+    """Whether the cameras have meshes, and what these gain, or would have gained.
+
+    The figures are of matches that the meshes were not fitted to: how far the matches are off without meshes, and bent.
+
+    used:        the cameras have meshes
+    matches:     how many were held back
+    rms, median: px, without meshes
+    bent_rms, bent_median: px, with meshes
+    """
+
+    used: bool
+    matches: int
+    rms: float
+    median: float
+    bent_rms: float
+    bent_median: float
+
+
+@dataclass(frozen=True)
 class Alignment:
     """Cameras of photos that form one panorama.
 
@@ -77,13 +98,14 @@ class Alignment:
     links:    the pairs that hold it together
     dropped:  pairs that matched, but contradict all others
     left_out: photos that were given but are not part of it
-    rms, p95: of the distance of the control points under the cameras, full-resolution px
+    rms, p95: of the distance of the control points under the cameras, without their meshes, full-resolution px
     reason:   why this model was taken, one sentence
     control_points: what the cameras rest on, pair by pair as in `links`
     held_back_rms, held_back_p95: the same as rms and p95, of control points that the cameras were not adjusted to;
               None where there were too few to hold any back
     uncertainties: of each camera; empty where they are not known
     pairs:    every pair of photos that was compared, those of photos that were left out included
+    local_warp: what meshes gain; None where the cameras explain everything, or nobody asked
     """
 
     model: Model
@@ -100,6 +122,7 @@ class Alignment:
     held_back_p95: float | None = None
     uncertainties: tuple[Uncertainty, ...] = ()
     pairs: tuple[PairTried, ...] = ()
+    local_warp: LocalWarp | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The content of a project file; paths as the photos have them."""
@@ -112,6 +135,7 @@ class Alignment:
             "p95": self.p95,
             "held_back_rms": self.held_back_rms,
             "held_back_p95": self.held_back_p95,
+            "local_warp": self.local_warp and vars(self.local_warp),
             "photos": [
                 {
                     "name": photo.name,
@@ -122,6 +146,7 @@ class Alignment:
                     "k1": camera.k1,
                     "k2": camera.k2,
                     "cam_from_world": camera.cam_from_world.tolist(),
+                    "mesh": camera.mesh and camera.mesh.nodes.tolist(),
                 }
                 for photo, camera in zip(self.photos, self.cameras, strict=True)
             ],
@@ -147,7 +172,8 @@ def camera_from_json(data: dict[str, Any]) -> Camera:
         raise ValueError("camera is not made of finite numbers")
     if abs(np.linalg.det(matrix)) < 1e-12:
         raise ValueError("camera matrix is singular")
-    return Camera((width, height), focal, (x, y), matrix, k1, k2)
+    mesh = None if data["mesh"] is None else mesh_from_json(data["mesh"], (width, height))
+    return Camera((width, height), focal, (x, y), matrix, k1, k2, mesh)
 
 
 def control_points_from_json(data: dict[str, Any]) -> ControlPoints:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from panostitch.geometry import lens
 from panostitch.geometry.sampling import rescale
+from panostitch.model.mesh import Mesh
 
 Floats = NDArray[np.float64]
 
@@ -24,6 +25,7 @@ class Camera:
     centre:         (x, y) px of the principal point
     cam_from_world: (3, 3)
     k1, k2:         radial distortion
+    mesh:           where the photo departs from all that; None where it does not
     """
 
     size: tuple[int, int]
@@ -32,16 +34,20 @@ class Camera:
     cam_from_world: Floats
     k1: float = 0.0
     k2: float = 0.0
+    mesh: Mesh | None = None
 
     def project(self, rays: Floats) -> Floats:
         """Rays of the world (n, 3) to pixels (n, 2); NaN for rays behind the camera or beyond the lens's fold."""
         local = rays @ self.cam_from_world.T
         depth = np.where(local[:, 2:] > 1e-9, local[:, 2:], np.nan)
-        return np.asarray(lens.distort(local[:, :2] / depth, self.k1, self.k2) * self.focal + self.centre)
+        xy = np.asarray(lens.distort(local[:, :2] / depth, self.k1, self.k2) * self.focal + self.centre)
+        return xy if self.mesh is None else self.mesh.bent(xy)
 
     def rays(self, xy: Floats) -> Floats:
         """Pixels (n, 2) to rays of the world (n, 3), not of unit length."""
-        plane = lens.undistort((np.asarray(xy, np.float64) - self.centre) / self.focal, self.k1, self.k2)
+        xy = np.asarray(xy, np.float64)
+        seen = xy if self.mesh is None else self.mesh.straightened(xy)
+        plane = lens.undistort((seen - self.centre) / self.focal, self.k1, self.k2)
         return np.asarray(np.column_stack([plane, np.ones(len(plane))]) @ np.linalg.inv(self.cam_from_world).T)
 
     def scaled(self, size: tuple[int, int]) -> "Camera":
@@ -51,7 +57,8 @@ class Camera:
         factor = np.array(size) / self.size
         x, y = rescale(np.array(self.centre), factor)
         mean = float(np.sqrt(factor[0] * factor[1]))
-        return replace(self, size=size, focal=self.focal * mean, centre=(float(x), float(y)))
+        mesh = self.mesh and self.mesh.scaled(size)
+        return replace(self, size=size, focal=self.focal * mean, centre=(float(x), float(y)), mesh=mesh)
 
     def turned(self, old_from_new: Floats) -> "Camera":
         """The same camera in a world with other axes; `old_from_new` is (3, 3)."""

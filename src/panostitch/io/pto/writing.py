@@ -3,7 +3,7 @@
 import math
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +85,8 @@ def write_pto(
     """
     check_photos(alignment.photos)
     frames = [frame_of(photo) for photo in alignment.photos]
-    cameras = [frame.stored_camera(camera) for frame, camera in zip(frames, alignment.cameras, strict=True)]
+    plain = [replace(camera, mesh=None) for camera in alignment.cameras]  # Hugin knows nothing like it
+    cameras = [frame.stored_camera(camera) for frame, camera in zip(frames, plain, strict=True)]
     describe = _flat if alignment.model != "rotation" else _around
     panorama, geometry, exactness = describe(alignment, cameras, canvas, crop or canvas.region)
     light = light or unchanged(len(cameras))

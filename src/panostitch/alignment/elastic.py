@@ -1,0 +1,155 @@
+"""What a single centre of rotation cannot explain: an elastic mesh for each photo, kept where it clearly helps.
+
+Coarse to fine: corners all over the overlaps are measured in the other photo (alignment.registration), where the meshes
+so far say that they are; the meshes are fitted to them, and the next finer photos are looked at. Cells all over the
+photos are held back from that, and judge.
+"""
+
+from collections.abc import Sequence
+from functools import partial
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from panostitch.alignment.elastic_system import errors, with_meshes
+from panostitch.alignment.pictures import Pictures, pictures_of
+from panostitch.alignment.refine import measured
+from panostitch.alignment.registration import BORDER, HALF
+from panostitch.alignment.straight_lines import straight_lines
+from panostitch.geometry.sampling import rescale
+from panostitch.model.alignment import LocalWarp
+from panostitch.model.camera import Camera
+from panostitch.model.match import ControlPoints
+from panostitch.model.mesh import CELLS
+from panostitch.model.photo import Photo
+from panostitch.runtime.executor import Executor
+
+Floats = NDArray[np.float64]
+
+COARSEST, FINEST = 240, 1600  # px of the photos' longer side
+WAY = 8.0  # px of the reduced photo, from where a point is sought
+BLOCKS = 1000  # of a photo in a pair, a corner sought in each,
+FEWEST_BLOCKS = 200  # less where a photo has many partners
+SMALLEST_BLOCK = 6  # px
+FEWEST_CELLS = 12  # along a photo, of meshes that only say where to look, and of those of very many photos
+FEW = 6  # photos; with more, cells become larger
+CORNER = 5  # px, side of the window
+NEIGHBOURS = 8
+ODD = 0.01  # of the photo's longer side: a match that is this much off its neighbours' median is none
+# Of the error of matches that are held back, what may be left; and px by which it must fall. Meshes that follow noise
+# leave more than all of it, those of parallax a third to a tenth.
+CLEARLY, NOTICEABLE = 0.8, 0.1
+FEWEST_JUDGES = 10
+HELD_BACK = 5  # of so many cells of the mesh one is held back
+
+
+def elastic(
+    photos: Sequence[Photo], cameras: Sequence[Camera], points: Sequence[ControlPoints], *, run: Executor
+) -> tuple[tuple[Camera, ...], LocalWarp]:
+    """The cameras with meshes, and what these gain. Raises InputError where a photo cannot be read."""
+    pictures = pictures_of(photos)
+    lines = list(run.map(partial(straight_lines, pictures), range(len(photos)), label="Finding straight lines"))
+    blocks = int(np.clip(BLOCKS * len(photos) / (2 * len(points)), FEWEST_BLOCKS, BLOCKS))
+    known = [agreeing(cameras, pair) for pair in points]
+    bent = with_meshes(cameras, known, lines, FEWEST_CELLS)
+    held: list[ControlPoints] = []
+    factors = _factors(photos)
+    for factor in factors:
+        work = partial(_found, pictures, bent, factor, blocks)
+        found = run.map(work, [(pair.i, pair.j) for pair in known], label="Measuring parallax")
+        sound = [agreeing(cameras, pair) for pair in found]
+        held = [pair.take(_held_back(cameras, pair)) for pair in sound]
+        known = [_completed(cameras, new, old) for new, old in zip(sound, known, strict=True)]
+        used = [pair.take(~_held_back(cameras, pair)) for pair in known]
+        bent = with_meshes(cameras, used, lines, _cells_for(photos) if factor == factors[-1] else FEWEST_CELLS)
+    return bent, _judged(cameras, bent, held)
+
+
+def _factors(photos: Sequence[Photo]) -> list[int]:
+    """By what the photos are reduced, one after the other."""
+    longest = max(max(photo.size) for photo in photos)
+    finest = max(1, int(longest / FINEST))
+    coarser = range(1, 1 + max(0, int(np.log2(longest / finest / COARSEST))))
+    return [*(finest * 2**k for k in reversed(coarser)), finest]
+
+
+def _cells_for(photos: Sequence[Photo]) -> int:
+    """Cells along a photo: as many as can be solved for in a few seconds."""
+    return int(np.clip(CELLS * np.sqrt(FEW / len(photos)), FEWEST_CELLS, CELLS))
+
+
+def _found(
+    pictures: Pictures, cameras: Sequence[Camera], factor: int, blocks: int, pair: tuple[int, int]
+) -> ControlPoints:
+    """Corners of one photo, and where they are in the other."""
+    i, j = pair
+    grey = pictures.read(i, factor)
+    size = (grey.shape[1], grey.shape[0])
+    corners = rescale(_corners(grey, blocks), np.array(cameras[i].size) / size)
+    there = cameras[j].project(cameras[i].rays(corners))
+    margin = (HALF + BORDER) * factor
+    with np.errstate(invalid="ignore"):
+        seen = ((there >= margin) & (there <= np.array(cameras[j].size) - 1 - margin)).all(1)
+    _, points = measured(pictures, cameras, ControlPoints(i, j, corners[seen], there[seen]), factor, WAY * factor)
+    return points
+
+
+def _corners(grey: NDArray[np.float32], blocks: int) -> Floats:
+    """Pixels (n, 2): the best corner of each block."""
+    height, width = grey.shape
+    side = max(SMALLEST_BLOCK, round(float(np.sqrt(height * width / blocks))))
+    strength = cv2.cornerMinEigenVal(grey, CORNER)
+    rows, columns = height // side, width // side
+    tiles = strength[: rows * side, : columns * side].reshape(rows, side, columns, side).swapaxes(1, 2)
+    best = tiles.reshape(rows, columns, side * side).argmax(2)
+    row, column = np.indices((rows, columns))
+    return np.column_stack([(column * side + best % side).ravel(), (row * side + best // side).ravel()]).astype(float)
+
+
+def agreeing(cameras: Sequence[Camera], points: ControlPoints) -> ControlPoints:
+    """The matches that go about the same way as their neighbours."""
+    if len(points) <= NEIGHBOURS:
+        return points.take(np.zeros(len(points), bool))
+    off = errors(cameras, points)
+    _, near = cKDTree(points.xy_i).query(points.xy_i, k=NEIGHBOURS + 1)
+    usual = np.median(off[near[:, 1:]], axis=1)
+    odd = np.linalg.norm(off - usual, axis=1)
+    return points.take(np.asarray(odd <= ODD * max(cameras[points.j].size)))
+
+
+def _completed(cameras: Sequence[Camera], new: ControlPoints, old: ControlPoints) -> ControlPoints:
+    """The new matches, and the old ones in cells where there are no new ones: what is too plain for a small patch."""
+    seen = {*map(tuple, _cells(cameras, new).tolist())}
+    return new.joined(old.take(np.array([tuple(cell) not in seen for cell in _cells(cameras, old).tolist()], bool)))
+
+
+def _held_back(cameras: Sequence[Camera], points: ControlPoints) -> NDArray[np.bool_]:
+    """Which matches (n,) lie in cells that are held back: a lattice all over the first photo."""
+    column, row = _cells(cameras, points).T
+    return np.asarray((column + 2 * row) % HELD_BACK == 0)
+
+
+def _cells(cameras: Sequence[Camera], points: ControlPoints) -> NDArray[np.intp]:
+    """Column and row (n, 2) of the cell of the first photo in which each match lies."""
+    return np.floor((points.xy_i + 0.5) * CELLS / max(cameras[points.i].size)).astype(np.intp)
+
+
+def _judged(cameras: Sequence[Camera], bent: Sequence[Camera], held: Sequence[ControlPoints]) -> LocalWarp:
+    """What the meshes gain for matches that were held back, and whether that is enough."""
+    before, after = (_lengths(some, held) for some in (cameras, bent))
+    if not len(before):
+        return LocalWarp(False, 0, 0.0, 0.0, 0.0, 0.0)
+    rms, bent_rms = _rms(before), _rms(after)
+    median, bent_median = float(np.median(before)), float(np.median(after))
+    clear = bent_rms < CLEARLY * rms and rms - bent_rms > NOTICEABLE and bent_median < CLEARLY * median
+    return LocalWarp(clear and len(before) >= FEWEST_JUDGES, len(before), rms, median, bent_rms, bent_median)
+
+
+def _lengths(cameras: Sequence[Camera], points: Sequence[ControlPoints]) -> Floats:
+    return np.concatenate([np.linalg.norm(errors(cameras, pair), axis=1) for pair in points] or [np.zeros(0)])
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt((values**2).mean()))

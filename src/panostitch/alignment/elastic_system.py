@@ -1,0 +1,196 @@
+"""The meshes of all photos that bring matches together, as one sparse system.
+
+A match pulls both of its photos half-way. Second differences of the displacement cost (stiffness), so does its size, a
+little: where there is no evidence it falls to nothing. Along straight lines of a photo, what would bend them costs
+more. Robust by iteratively reweighted least squares. Compare Li et al., "Parallax-tolerant image stitching based on
+robust elastic warping", 2018; lines: Zhang et al., "Multi-viewpoint panorama construction with wide-baseline images",
+2016.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import block_diag, csc_array, csr_array, diags_array, eye_array, hstack, kron, vstack
+from scipy.sparse.linalg import LinearOperator, cg, splu
+
+from panostitch.model.camera import Camera
+from panostitch.model.match import ControlPoints
+from panostitch.model.mesh import CELLS, STEEPEST, Mesh, flat_mesh
+
+Floats = NDArray[np.float64]
+
+ROUNDS = 5
+CLOSE = 3.0  # times the median error: matches within it count fully
+CLOSEST = 0.2  # px, and at least these
+NARROWER = 3.0  # times, from round to round, at most
+STIFFNESS = 0.1  # of a second difference of 1 px between nodes, in errors of 1 px of a match
+FADING = 0.2  # of the photo's longer side, over which a displacement fades where nothing holds it
+LINE_STIFFNESS = 100.0  # the same as STIFFNESS, across a straight line and for each step of a cell along it
+EXACT, MOST_STEPS = 1e-4, 200  # of the conjugate gradients: share of the right side that is left, and steps
+LARGEST = 0.02  # of the photo's longer side: the most that a photo is displaced
+TAMED = 0.99  # times the steepest that a mesh may be: from here on it would have been steeper
+STIFFER = 4.0  # times, where a mesh would be steeper than it may be
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """What the matches of a pair say under the cameras alone; slope (n, 2, 2): of the place in photo j by that in i."""
+
+    points: ControlPoints
+    slope: Floats
+
+
+def with_meshes(
+    cameras: Sequence[Camera], points: Sequence[ControlPoints], lines: Sequence[Floats], cells: int = CELLS
+) -> tuple[Camera, ...]:
+    """The cameras with the meshes, of so many cells along a photo, that explain the matches best.
+
+    lines: of each photo, (n, 3, 2) px: points at equal distances along straight lines
+    """
+    plain = [replace(camera, mesh=None) for camera in cameras]
+    pairs = [_Pair(pair, _slope(plain[pair.i], plain[pair.j], pair.xy_i)) for pair in points if len(pair)]
+    stiffness = STIFFNESS
+    while True:
+        found = _solved(plain, pairs, lines, cells, stiffness)
+        if all(camera.mesh.steepness < TAMED * STEEPEST for camera in found if camera.mesh):
+            return found
+        stiffness *= STIFFER
+
+
+def errors(cameras: Sequence[Camera], points: ControlPoints) -> Floats:
+    """Distances (n, 2) px in photo j by which matches are off, meshes included."""
+    return np.asarray(points.xy_j - cameras[points.j].project(cameras[points.i].rays(points.xy_i)))
+
+
+def _solved(
+    cameras: Sequence[Camera], pairs: Sequence[_Pair], lines: Sequence[Floats], cells: int, stiffness: float
+) -> tuple[Camera, ...]:
+    bent = [replace(camera, mesh=flat_mesh(camera.size, cells)) for camera in cameras]
+    prior = block_diag(
+        [_prior(camera.mesh, lines[n], stiffness) for n, camera in enumerate(bent) if camera.mesh], format="csc"
+    )
+    if not pairs:
+        return tuple(bent)
+    factors, solution, scale = None, None, 0.0
+    for _ in range(ROUNDS):
+        rows, target = _equations(cameras, bent, pairs)
+        weight, scale = _weights(bent, pairs, least=scale / NARROWER)
+        weighted = rows.T @ diags_array(weight)
+        normal = csc_array(weighted @ rows + prior)
+        if factors is None:
+            factors = splu(normal, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+        # the weights change from round to round, the factors of the first are near enough to precondition the others
+        nearly = LinearOperator(normal.shape, factors.solve, dtype=np.float64)
+        solution, _ = cg(normal, weighted @ target, x0=solution, rtol=EXACT, maxiter=MOST_STEPS, M=nearly)
+        bent = _displaced(bent, solution)
+    return tuple(bent)
+
+
+def _weights(bent: Sequence[Camera], pairs: Sequence[_Pair], *, least: float) -> tuple[Floats, float]:
+    """Cauchy weights (2 n,), one for each coordinate of each match, and their scale: px, `least` or more.
+
+    Were it to become small at once, what the first mesh does not follow yet would never count again.
+    """
+    lengths = [np.nan_to_num(np.linalg.norm(errors(bent, pair.points), axis=1), nan=1e6) for pair in pairs]
+    scale = max(CLOSE * float(np.median(np.concatenate(lengths))), CLOSEST, least)
+    return np.concatenate([np.tile(1 / (1 + (length / scale) ** 2), 2) for length in lengths]), scale
+
+
+def _displaced(bent: Sequence[Camera], solution: Floats) -> list[Camera]:
+    """The cameras with their part of the solution for a mesh; rounded, so that a project file holds the same."""
+    found, start = [], 0
+    for camera in bent:
+        assert camera.mesh is not None
+        shape = camera.mesh.nodes.shape[:2]
+        count = shape[0] * shape[1]
+        nodes = solution[start : start + 2 * count].reshape(2, *shape).transpose(1, 2, 0)
+        length = np.linalg.norm(nodes, axis=2, keepdims=True)
+        most = LARGEST * max(camera.size)
+        nodes = nodes * np.minimum(1, most / np.maximum(length, 1e-12))
+        mesh = Mesh(camera.size, nodes)
+        tamed = nodes * min(1.0, STEEPEST / max(mesh.steepness, 1e-12))  # what folds has no inverse
+        found.append(replace(camera, mesh=Mesh(camera.size, tamed.round(4))))
+        start += 2 * count
+    return found
+
+
+def _equations(cameras: Sequence[Camera], bent: Sequence[Camera], pairs: Sequence[_Pair]) -> tuple[csr_array, Floats]:
+    """Rows (2 n, unknowns) and right side (2 n,): what the nodes, x of a photo and then y, do to each match.
+
+    Photo i shows at p what its camera sees at q; with the slope A of the cameras' map f, D_j - A D_i = p_j - f(q_i) -
+    A (p_i - q_i).
+    """
+    counts = [2 * camera.mesh.nodes[..., 0].size for camera in bent if camera.mesh]
+    starts = np.concatenate([[0], np.cumsum(counts)])
+    parts, targets = [], []
+    for pair in pairs:
+        points, slope = pair.points, pair.slope
+        mesh_i, mesh_j = bent[points.i].mesh, bent[points.j].mesh
+        assert mesh_i is not None
+        assert mesh_j is not None
+        q_i, q_j = mesh_i.straightened(points.xy_i), mesh_j.straightened(points.xy_j)
+        seen = cameras[points.j].project(cameras[points.i].rays(q_i))
+        right = points.xy_j - seen - np.einsum("nab,nb->na", slope, points.xy_i - q_i)
+        known = np.isfinite(right).all(1)
+        targets.append(np.where(known[:, None], right, 0.0).T.ravel())
+        blank = known.astype(float)
+        here, there = _basis(mesh_i, q_i), _basis(mesh_j, q_j)
+        for axis in (0, 1):
+            columns = [
+                (starts[points.i], -blank * slope[:, axis, 0], here),
+                (starts[points.i] + counts[points.i] // 2, -blank * slope[:, axis, 1], here),
+                (starts[points.j] + axis * (counts[points.j] // 2), blank, there),
+            ]
+            parts.append(_row_block(columns, int(starts[-1])))
+    return csr_array(vstack(parts, format="csr")), np.concatenate(targets)
+
+
+def _row_block(columns: list[tuple[int, Floats, csr_array]], unknowns: int) -> csr_array:
+    """Rows of some basis functions, each times a factor (n,) and in the columns from its start."""
+    rows = [np.repeat(np.arange(basis.shape[0]), 16) for _, _, basis in columns]
+    places = [basis.indices + start for start, _, basis in columns]
+    values = [basis.data * np.repeat(factor, 16) for _, factor, basis in columns]
+    where = (np.concatenate(rows), np.concatenate(places))
+    return csr_array((np.concatenate(values), where), shape=(columns[0][2].shape[0], unknowns))
+
+
+def _basis(mesh: Mesh, xy: Floats) -> csr_array:
+    """Weights (n, nodes) by which the nodes displace pixels (n, 2)."""
+    numbers, weights = mesh.terms(xy)
+    ends = np.arange(0, 16 * len(xy) + 1, 16)
+    return csr_array((weights.T.ravel(), numbers.T.ravel(), ends), shape=(len(xy), mesh.nodes[..., 0].size))
+
+
+def _prior(mesh: Mesh, lines: Floats, stiffness: float) -> csc_array:
+    """What displacements cost by themselves: a symmetric matrix over the nodes, x and then y."""
+    rows, columns = mesh.nodes.shape[:2]
+    one, other = (diags_array([1.0, -2.0, 1.0], offsets=[0, 1, 2], shape=(n - 2, n)) for n in (rows, columns))
+    down, right = (diags_array([1.0, -1.0], offsets=[0, 1], shape=(n - 1, n)) for n in (rows, columns))
+    across = kron(eye_array(rows), other)
+    along = kron(one, eye_array(columns))
+    twisted = kron(down, right)
+    plate = across.T @ across + along.T @ along + 2 * twisted.T @ twisted
+    single = stiffness * (plate + eye_array(rows * columns) / (FADING * max(mesh.cells)) ** 4)
+    prior = block_diag([single, single])
+    if len(lines):
+        bend = _line_rows(mesh, lines)
+        prior = prior + LINE_STIFFNESS * bend.T @ bend
+    return csc_array(prior)
+
+
+def _line_rows(mesh: Mesh, lines: Floats) -> csr_array:
+    """How much (n, nodes) the displacement bends each three points of a line, x and then y, across the line."""
+    before, middle, after = (_basis(mesh, lines[:, k]) for k in range(3))
+    bend = before - 2 * middle + after
+    along = lines[:, 2] - lines[:, 0]
+    normal = np.column_stack([-along[:, 1], along[:, 0]]) / np.linalg.norm(along, axis=1, keepdims=True)
+    return csr_array(hstack([diags_array(normal[:, 0]) @ bend, diags_array(normal[:, 1]) @ bend]))
+
+
+def _slope(camera_i: Camera, camera_j: Camera, xy: Floats) -> Floats:
+    """Derivative (n, 2, 2) of the place in photo j by the place in photo i."""
+    steps = np.array([[0.5, 0.0], [0.0, 0.5]])
+    sides = [camera_j.project(camera_i.rays(xy + s)) - camera_j.project(camera_i.rays(xy - s)) for s in steps]
+    return np.nan_to_num(np.stack(sides, axis=-1))

@@ -1,0 +1,167 @@
+"""Meshes: known parallax is recovered, and nothing is bent without evidence."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from panostitch import pipeline
+from panostitch.alignment.elastic import agreeing
+from panostitch.alignment.elastic_system import LARGEST, errors, with_meshes
+from panostitch.model.match import ControlPoints
+from panostitch.model.mesh import Mesh, flat_mesh
+from panostitch.options import Options
+from panostitch.runtime.executor import Executor
+from panostitch.synthetic.render import photograph_plan
+from panostitch.synthetic.scene import procedural_texture, rig, sphere_scene
+from panostitch.synthetic.score import pair_errors
+
+SIZE = (480, 360)
+HFOV = np.deg2rad(50)
+COARSE = 12  # cells, as many as the planted field needs
+NO_LINES = [np.zeros((0, 3, 2))] * 2
+PARALLAX = 6.0  # px, of the planted field where it is largest
+
+# px, rms, of matches that were not fitted to, under a field that is as smooth as a mesh can follow: 0.04 seen.
+RECOVERED = 0.15
+# px, at the side of a photo that no match is near to, where the field would be 3 px: 0.53 seen.
+FADED = 1.0
+STRAIGHT = 0.1  # px by which a line of 300 px may leave its chord: nobody sees it. 0.02 seen, 0.3 without lines.
+# Times by which meshes must lower the true error of cameras in a scene with parallax: 7 seen.
+BETTER = 3.0
+
+
+@cache
+def pair():
+    return rig([-0.2, 0.2], [0.02, -0.01], [0.01, 0.03], size=SIZE, hfov=HFOV)
+
+
+def field(xy):
+    """Displacement (n, 2) px of a scene whose depth comes and goes."""
+    x, y = xy.T
+    return PARALLAX * np.column_stack([np.sin(x / 80) * np.cos(y / 90), 0.3 * np.cos(x / 120)])
+
+
+def matches(cameras, count, *, shift=field, seed=0, within=SIZE[0]):
+    """Matches of a pair that are off by a field; of the first photo only pixels left of `within`."""
+    xy = np.random.default_rng(seed).uniform(0, np.array(SIZE) - 1, (count, 2))
+    there = cameras[1].project(cameras[0].rays(xy)) + shift(xy)
+    seen = ((there >= 0) & (there <= np.array(SIZE) - 1)).all(1) & (xy[:, 0] < within)
+    return ControlPoints(0, 1, xy[seen], there[seen])
+
+
+def rms(cameras, points):
+    return float(np.sqrt((errors(cameras, points) ** 2).sum(1).mean()))
+
+
+def test_a_field_is_recovered_between_the_matches():
+    bent = with_meshes(pair(), [matches(pair(), 1200)], NO_LINES, COARSE)
+
+    unseen = matches(pair(), 500, seed=1)
+    assert rms(pair(), unseen) > PARALLAX / 3
+    assert rms(bent, unseen) < RECOVERED
+
+
+def test_both_photos_go_half_way():
+    bent = with_meshes(pair(), [matches(pair(), 1200)], NO_LINES, COARSE)
+
+    one, other = (camera.mesh.largest for camera in bent)
+    assert 0.5 < one / other < 2.0
+
+
+def test_wrong_matches_do_not_pull():
+    points, rng = matches(pair(), 1200), np.random.default_rng(5)
+    wrong = rng.random(len(points)) < 0.2
+    points = replace(points, xy_j=points.xy_j + wrong[:, None] * rng.uniform(-40, 40, points.xy_j.shape))
+
+    bent = with_meshes(pair(), [agreeing(pair(), points)], NO_LINES, COARSE)
+
+    assert rms(bent, matches(pair(), 500, seed=1)) < RECOVERED
+
+
+def test_matches_that_fit_bend_nothing():
+    bent = with_meshes(pair(), [matches(pair(), 500, shift=np.zeros_like)], NO_LINES, COARSE)
+
+    assert max(camera.mesh.largest for camera in bent) < 1e-3  # px
+
+
+def test_a_displacement_fades_where_there_is_no_evidence():
+    bent = with_meshes(pair(), [matches(pair(), 1200)], NO_LINES, COARSE)
+
+    left = np.column_stack([np.zeros(50), np.linspace(0, SIZE[1] - 1, 50)])  # seen by the first photo only
+    assert np.linalg.norm(bent[0].mesh.displacement(left), axis=1).max() < FADED
+
+
+@pytest.mark.parametrize("size", [100.0, 1000.0])
+def test_no_pixel_goes_far_and_nothing_folds(size):
+    def torn(xy):
+        return np.where(xy[:, :1] < 350, -size, size) * [1.0, 0.2]
+
+    bent = with_meshes(pair(), [matches(pair(), 1200, shift=torn)], NO_LINES, COARSE)
+
+    for camera in bent:
+        assert camera.mesh.largest <= LARGEST * SIZE[0] + 1e-3  # rounded
+        assert camera.mesh.steepness < 1
+
+
+def test_straight_lines_stay_straight():
+    start, end = np.array([220.0, 60.0]), np.array([450.0, 260.0])
+    line = start + np.linspace(0, 1, 13)[:, None] * (end - start)
+    triples = np.stack([line[:-2], line[1:-1], line[2:]], axis=1)
+    points = matches(pair(), 1200)
+
+    def bend(lines):
+        mesh = with_meshes(pair(), [points], [lines, lines[:0]], COARSE)[0].mesh
+        moved = mesh.straightened(start + np.linspace(0, 1, 100)[:, None] * (end - start))
+        across = np.array([[0, -1], [1, 0]]) @ (moved[-1] - moved[0])
+        return np.abs((moved - moved[0]) @ across).max() / np.linalg.norm(across)
+
+    assert bend(triples) < STRAIGHT < bend(triples[:0])
+
+
+@cache
+def scene():
+    return sphere_scene(procedural_texture(1600, 800, seed=3))
+
+
+@cache
+def photographed(parallax):
+    """Cameras that see a scene bent by so many px, and their photos."""
+    rng = np.random.default_rng(2)
+    mesh = flat_mesh(SIZE, 5)
+    meshes = [Mesh(SIZE, rng.uniform(-parallax, parallax, mesh.nodes.shape)) for _ in range(2)]
+    cameras = [replace(camera, mesh=one if parallax else None) for camera, one in zip(pair(), meshes, strict=True)]
+    return cameras, photograph_plan(scene(), cameras, supersample=1)
+
+
+@cache
+def found(parallax, **options):
+    return pipeline.align(photographed(parallax)[1], Options.of(**options))
+
+
+def true_rms(alignment, cameras):
+    return float(np.sqrt((pair_errors(tuple(cameras), alignment.cameras) ** 2).mean()))
+
+
+def test_photos_with_parallax_are_bent():
+    cameras, _ = photographed(8.0)
+    plain, bent = found(8.0, local_warp="none"), found(8.0)
+
+    assert plain.local_warp is None
+    assert all(camera.mesh is None for camera in plain.cameras)
+    assert bent.local_warp.used
+    assert bent.local_warp.bent_rms < bent.local_warp.rms / BETTER
+    assert true_rms(bent, cameras) < true_rms(plain, cameras) / BETTER
+    assert (plain.rms, plain.p95) == (bent.rms, bent.p95)  # of the cameras alone
+
+
+def test_threads_change_nothing():
+    one = found(8.0)
+    many = pipeline.align(photographed(8.0)[1], Options(), run=Executor(threads=3))
+
+    assert one.to_json() == many.to_json()
+
+
+def test_photos_without_parallax_are_left_alone():
+    assert found(0.0).to_json() == found(0.0, local_warp="none").to_json()

@@ -1,0 +1,28 @@
+"""What is said of local warps."""
+
+import pytest
+
+from panostitch.cli.report import say_alignment
+from panostitch.model.alignment import Alignment, LocalWarp
+
+HELD = "40 matches that were held back are 1.50 px off, 0.30 px with the photos bent"
+
+
+@pytest.mark.parametrize(
+    ("warp", "line"),
+    [
+        (LocalWarp(True, 40, 1.5, 1.1, 0.3, 0.2), f"local warp: {HELD}\n"),
+        (LocalWarp(False, 40, 1.5, 1.1, 0.3, 0.2), f"local warp: none: {HELD}, which is not clearly better\n"),
+        (LocalWarp(False, 0, 0.0, 0.0, 0.0, 0.0), "local warp: none: no matches"),
+    ],
+)
+def test_the_gain_of_meshes_is_said(capsys, warp, line):
+    say_alignment(Alignment("rotation", (), (), (), (), 0.4, 0.9, local_warp=warp), verbose=0)
+
+    assert line in capsys.readouterr().err
+
+
+def test_nothing_is_said_where_nothing_was_tried(capsys):
+    say_alignment(Alignment("rotation", (), (), (), (), 0.4, 0.9), verbose=0)
+
+    assert "local warp" not in capsys.readouterr().err
