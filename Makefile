@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO := .demo
+# a process for each core; threads of small matrix products would only wait for each other
+PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto
 PHOTOS ?= samples/hall samples/poster
 
 .DEFAULT_GOAL := help
@@ -36,10 +38,10 @@ check: $(VENV)/dev ## format, lint, types, import contract, reference pages
 	$(BIN)/python docs/make_reference.py --check
 
 test: $(VENV)/dev ## the tests that take minutes, not hours
-	$(BIN)/python -m pytest
+	$(PYTEST)
 
 test-all: $(VENV)/dev ## all tests
-	$(BIN)/python -m pytest -m ''
+	$(PYTEST) -m ''
 
 bench: $(VENV)/dev ## error and seconds; accuracy goes into docs/reference; seconds of PHOTOS="FOLDER ..." or the samples
 	$(BIN)/python benchmarks/accuracy.py --output docs/reference/accuracy.md

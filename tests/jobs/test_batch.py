@@ -1,5 +1,6 @@
 """A batch goes on after failures, tells the code of each panorama, and overwrites nothing."""
 
+import shutil
 from contextlib import contextmanager
 
 import cv2
@@ -25,7 +26,14 @@ def other_views():
 
 
 @pytest.fixture
-def inbox(tmp_path, views, other_views):
+def inbox(tmp_path, filled):
+    """The folders of `filled`, for one test, and beside them one for the output."""
+    (tmp_path / "out").mkdir()
+    return shutil.copytree(filled, tmp_path / "inbox")
+
+
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory, views, other_views):
     """Folders: good; broken (no picture in it can be read); mixed (two panoramas and a stranger); apart; empty."""
     rng = np.random.default_rng(0)
     noise = [rng.integers(0, 256, (300, 400, 3), np.uint8) for _ in range(2)]
@@ -34,7 +42,7 @@ def inbox(tmp_path, views, other_views):
         "good": views[:2],
         "mixed": [*views[:3], *other_views, noise[0]],
     }
-    root = tmp_path / "inbox"
+    root = tmp_path_factory.mktemp("filled")
     for name, pictures in folders.items():
         (root / name).mkdir(parents=True)
         for n, picture in enumerate(pictures):
@@ -45,7 +53,6 @@ def inbox(tmp_path, views, other_views):
     (root / "empty").mkdir()
     (root / ".hidden").mkdir()
     write_picture(str(root / ".hidden" / "0.png"), views[0])
-    (tmp_path / "out").mkdir()
     return root
 
 
@@ -58,7 +65,7 @@ def setting(output, *, overwrite=False, extension=".png", heard=None):
         if heard is not None:
             heard.append(("close", name))
 
-    quick = Options.of(work_megapixels=0.12, max_features=600)
+    quick = Options.of(work_megapixels=0.12, max_features=600, retries="none")
     return Setting(str(output), extension, overwrite, quick, serial, tracer)
 
 
