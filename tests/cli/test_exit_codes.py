@@ -328,7 +328,7 @@ def test_control_characters_of_a_name_do_not_reach_the_terminal(call, inputs):
 
 
 def test_half_and_half(call, inputs):
-    features, compositing = QUICK[:4], QUICK[6:]
+    features, compositing = QUICK[:6], QUICK[6:]
     assert call(*inputs, "-o", "out.jpg", "--save-project", "one.pano.json", *QUICK).code == OK
     first = call("align", *inputs, "-o", "two.pano.json", *features)
     assert (first.code, first.out) == (OK, "")
