@@ -12,7 +12,7 @@ from panostitch.errors import EXIT_LEFT_OUT, EXIT_OK, PanostitchError
 from panostitch.io.forecast import Forecast
 from panostitch.model.alignment import Alignment, LeftOut, LinkSummary, LocalWarp
 from panostitch.model.panorama import Panorama
-from panostitch.model.photo import natural_key
+from panostitch.model.photo import Photo, natural_key
 from panostitch.runtime.memory import in_words
 
 if TYPE_CHECKING:
@@ -50,9 +50,7 @@ def say_alignment(alignment: Alignment, *, verbose: int) -> None:
     )
     if alignment.local_warp:
         say(f"local warp: {_gain(alignment.local_warp)}")
-    for photo in alignment.photos:
-        for note in photo.notes:
-            say(f"note: {photo.name}: {note}")
+    _say_notes(alignment.photos)
     if verbose:
         if alignment.model == "rotation":
             _say_cameras(alignment)
@@ -102,6 +100,17 @@ def _say_refuted(alignment: Alignment) -> None:
 
 def _names(alignment: Alignment, link: LinkSummary) -> str:
     return f"{alignment.photos[link.i].name} - {alignment.photos[link.j].name}"
+
+
+def _say_notes(photos: Sequence[Photo]) -> None:
+    """What is odd about photos, each oddity once."""
+    odd: dict[str, list[str]] = {}
+    for photo in photos:
+        for note in photo.notes:
+            odd.setdefault(note, []).append(photo.name)
+    for note, names in odd.items():
+        others = f" and {len(names) - 1} more" if len(names) > 1 else ""
+        say(f"note: {names[0]}{others}: {note}")
 
 
 def _say_left_out(photo: LeftOut) -> None:
