@@ -13,7 +13,8 @@ from compositing.mosaics import alignment_of, shifted
 from deep import deep_photo
 from panostitch.errors import UsageError
 from panostitch.io import tiff, writers
-from panostitch.io.rendering import read_tile
+from panostitch.io.limits import bounded
+from panostitch.io.rendering import Rendering, read_tile
 from panostitch.model.canvas import Canvas, Layer, Region
 from panostitch.model.light import unchanged
 from panostitch.model.panorama import Panorama, Plan
@@ -150,10 +151,7 @@ def test_what_waits_to_be_written_counts_twice():
     panorama = replace(panorama_of(covered=True), cost=lambda _: 1)  # byte, so that only the file counts
     options = OutputOptions(max_memory=str(memory.resident() + (400 << 20)))
 
-    threads = [
-        writers._bounded(writers.Rendering(panorama, Executor(1000), None, depth), ".tif", options).threads
-        for depth in (8, 16)
-    ]
+    threads = [bounded(Rendering(panorama, Executor(1000), depth=depth), ".tif", options).threads for depth in (8, 16)]
 
     assert threads[0] // 2 - 1 <= threads[1] <= threads[0] // 2 + 1
 
