@@ -172,13 +172,13 @@ def _encoded(path: str, picture: Pixels, quality: int, own: Embedded = NOTHING_E
             image.save(file, "PNG", compress_level=PNG_LEVEL)
         else:
             image.save(file, "TIFF", compression="tiff_lzw")
-    except (cv2.error, OSError) as error:
-        raise OutputError(f"{path}: could not be encoded: {error}") from None
+    except (cv2.error, OSError):
+        raise OutputError(f"{path}: could not be encoded") from None
     return file.getbuffer()
 
 
 def _webp(picture: Pixels, quality: int, own: Embedded) -> memoryview:
-    """By OpenCV, which takes a third less memory for it than Pillow."""
+    """By OpenCV, which takes a quarter to a third less memory for it than Pillow."""
     cv2.cvtColor(picture, cv2.COLOR_RGB2BGR if picture.shape[2] == 3 else cv2.COLOR_RGBA2BGRA, dst=picture)
     said = {
         cv2.IMAGE_METADATA_EXIF: own.block,
