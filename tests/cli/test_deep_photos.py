@@ -9,14 +9,16 @@ from PIL import Image
 
 
 @pytest.fixture(scope="module")
-def deep_photos(tmp_path_factory, views):
-    """A folder with two photos of 16 bits and one of 8."""
+def deep_photos(tmp_path_factory):
+    """A folder with a photo of 16 bits and one of 8, of a flat subject; they overlap by half."""
     folder = tmp_path_factory.mktemp("deep")
-    noise = np.random.default_rng(7)
-    for name, view in zip("ab", views, strict=False):
-        pixels = (view.astype(np.int64) * 257 + noise.integers(-128, 129, view.shape)).clip(0, 65535)
-        cv2.imwrite(str(folder / f"{name}.png"), pixels[..., ::-1].astype(np.uint16))
-    Image.fromarray(views[2]).save(folder / "c.jpg", quality=95)
+    rng = np.random.default_rng(7)
+    spots = rng.integers(0, 256, (25, 45, 3), dtype=np.uint8)
+    subject = cv2.resize(spots, (360, 200), interpolation=cv2.INTER_CUBIC)  # as smooth as a JPEG can hold
+    deep, shallow = subject[:, :240].astype(np.int64), subject[:, 120:]
+    pixels = (deep * 257 + rng.integers(-128, 129, deep.shape)).clip(0, 65535)
+    cv2.imwrite(str(folder / "a.png"), pixels[..., ::-1].astype(np.uint16))
+    Image.fromarray(shallow).save(folder / "b.jpg", quality=95)
     return folder
 
 

@@ -83,7 +83,7 @@ def test_a_run_with_resume_leaves_the_panorama_only(render):
 
 
 def test_an_interruption_keeps_what_resume_goes_on_from(render, monkeypatch):
-    def interrupted(_file, _path, picture, _options):
+    def interrupted(_file, _path, picture, *_):
         next(picture.map(lambda region, _: region))
         raise KeyboardInterrupt
 

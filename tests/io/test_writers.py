@@ -6,7 +6,6 @@ import stat
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from PIL import Image
@@ -160,7 +159,7 @@ def fail(*_, **__):
 
 
 FAILURES = {
-    "encoder": lambda patch: patch.setattr(cv2, "imencode", lambda *_: (False, None)),
+    "encoder": lambda patch: patch.setattr(Image.Image, "save", fail),
     "disk full": lambda patch: patch.setattr(atomic.os, "open", fail),
     "rename": lambda patch: patch.setattr(os, "replace", fail),
     "permissions": lambda patch: patch.setattr(os, "chmod", fail),

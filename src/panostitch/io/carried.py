@@ -15,17 +15,15 @@ from typing import Any
 
 from PIL import ExifTags, Image
 
-from panostitch.io import exif
-from panostitch.io.exif import Exif, Field
 from panostitch.io.metadata import read_exif
-from panostitch.io.place import Position, place_fields, whereabouts
+from panostitch.io.place import Position, place_tags, whereabouts
 from panostitch.io.readers import FORMATS, READ_FAILURES
 from panostitch.model.photo import Photo
 
 Base, IFD = ExifTags.Base, ExifTags.IFD
 
 MAIN = (Base.Make, Base.Model, Base.Artist, Base.Copyright)
-EXPOSURE = (Base.LensMake, Base.LensModel)
+LENS = (Base.LensMake, Base.LensModel)
 LONGEST_TEXT = 500  # bytes; longer ones are no names
 LARGEST_PROFILE = 1 << 20  # bytes; profiles of RGB have 500 to 500,000
 FAILURES = (*READ_FAILURES, ArithmeticError)
@@ -35,14 +33,14 @@ FAILURES = (*READ_FAILURES, ArithmeticError)
 class Own:
     """What one photo says of itself. Nonsense is left out.
 
-    texts:    tags of MAIN and EXPOSURE
+    texts:    tags of MAIN and LENS
     offset:   of its clock from UTC, as +01:00
     profile:  ICC profile of its RGB
     heading:  degrees from true north, clockwise, in which it looks
     """
 
     texts: dict[int, bytes]
-    offset: bytes = b""
+    offset: str = ""
     profile: bytes = b""
     position: Position | None = None
     heading: float | None = None
@@ -57,7 +55,7 @@ class Carried:
     notes:    what could not be taken over as it was
     """
 
-    exif: Exif
+    exif: Image.Exif
     profile: bytes
     headings: tuple[float | None, ...]
     notes: tuple[str, ...]
@@ -67,14 +65,18 @@ def carried(photos: Sequence[Photo]) -> Carried:
     """The metadata for a panorama of these photos. Reads their headers; what is broken is left out, never an error."""
     owns = [_read(photo.path) for photo in photos]
     profile, notes = _profile(photos, owns)
-    main = [exif.text(tag, value) for tag in MAIN if (value := _agreed(own.texts.get(tag) for own in owns))]
-    lens = [exif.text(tag, value) for tag in EXPOSURE if (value := _agreed(own.texts.get(tag) for own in owns))]
-    whole = Exif(
-        (*main, exif.short(Base.Orientation, 1), exif.text(Base.Software, software().encode())),
-        (exif.data(Base.ExifVersion, b"0232", kind=exif.UNDEFINED), *lens, *_date(photos, owns)),
-        place_fields([own.position for own in owns]),
-    )
-    return Carried(whole, profile, tuple(own.heading for own in owns), notes)
+    agreed: dict[int, bytes] = {
+        tag: text for tag in (*MAIN, *LENS) if (text := _agreed(own.texts.get(tag) for own in owns))
+    }
+    exif = Image.Exif()
+    exif.update({tag: text for tag, text in agreed.items() if tag in MAIN})
+    exif.update({Base.Orientation: 1, Base.Software: software().encode()})
+    # Pillow writes these as text only if they are strings, of ASCII, which is all that EXIF allows
+    lens = {tag: text.decode() for tag, text in agreed.items() if tag in LENS and text.isascii()}
+    exif.get_ifd(IFD.Exif).update({Base.ExifVersion: b"0232"} | lens | _date(photos, owns))
+    if place := place_tags([own.position for own in owns]):
+        exif.get_ifd(IFD.GPSInfo).update(place)
+    return Carried(exif, profile, tuple(own.heading for own in owns), notes)
 
 
 def software() -> str:
@@ -105,15 +107,15 @@ def _profile(photos: Sequence[Photo], owns: Sequence[Own]) -> tuple[bytes, tuple
     return chosen, (f"{kept}; colours of {named}, which differ in theirs, are not converted",)
 
 
-def _date(photos: Sequence[Photo], owns: Sequence[Own]) -> list[Field]:
+def _date(photos: Sequence[Photo], owns: Sequence[Own]) -> dict[int, str]:
     """When the earliest photo was taken, by the camera's own clock."""
     dated = [(photo.taken, own.offset) for photo, own in zip(photos, owns, strict=True) if photo.taken is not None]
     if not dated:
-        return []
+        return {}
     taken, offset = min(dated)
     date = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=math.floor(taken))
-    fields = [exif.text(Base.DateTimeOriginal, f"{date:%Y:%m:%d %H:%M:%S}".rjust(19, "0").encode())]
-    return [*fields, exif.text(Base.OffsetTimeOriginal, offset)] if offset else fields
+    tags: dict[int, str] = {Base.DateTimeOriginal: f"{date:%Y:%m:%d %H:%M:%S}".rjust(19, "0")}
+    return tags | {Base.OffsetTimeOriginal: offset} if offset else tags
 
 
 def _read(path: str) -> Own:
@@ -126,7 +128,7 @@ def _read(path: str) -> Own:
             with Image.open(path, formats=FORMATS) as image:
                 tags = read_exif(image)
                 return Own(
-                    {tag: found for tag in (*MAIN, *EXPOSURE) if (found := _text(_either(tags, tag)))},
+                    {tag: found for tag in (*MAIN, *LENS) if (found := _text(_either(tags, tag)))},
                     _offset(_either(tags, Base.OffsetTimeOriginal)),
                     _rgb_profile(image.info.get("icc_profile")),
                     *whereabouts(tags.get_ifd(IFD.GPSInfo)),
@@ -148,9 +150,9 @@ def _text(value: Any) -> bytes:
     return b"" if control or len(found) > LONGEST_TEXT else found
 
 
-def _offset(value: Any) -> bytes:
-    text = _text(value)
-    return text if re.fullmatch(rb"[+-][01]\d:[0-5]\d", text) else b""
+def _offset(value: Any) -> str:
+    text = value if isinstance(value, str) else ""
+    return text if re.fullmatch(r"[+-][01][0-9]:[0-5][0-9]", text) else ""
 
 
 def _rgb_profile(profile: Any) -> bytes:

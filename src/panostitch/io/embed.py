@@ -1,16 +1,17 @@
-"""Metadata into files of each format."""
+"""Metadata into files of each format, as far as no library does it."""
 
-import struct
 import zlib
 from dataclasses import dataclass, field
-from typing import IO
+from typing import IO, Any
 
-from panostitch.io import exif
-from panostitch.io.exif import Exif
+from PIL.ExifTags import IFD
+from PIL.Image import Exif
+from PIL.TiffImagePlugin import ImageFileDirectory_v2
+from tifffile import DATATYPE
 
 XMP_TAG, PROFILE_TAG = 700, 34675  # of TIFF
-SEGMENT = 65_533  # bytes that a segment of a JPEG holds
-PROFILE_PART = SEGMENT - 14
+DIRECTORIES = {"ExifTag": IFD.Exif, "GPSTag": IFD.GPSInfo}  # as tifffile and Pillow call them
+TiffTag = tuple[int | str, int, int, Any, bool]  # as tifffile takes them
 
 
 @dataclass(frozen=True)
@@ -21,59 +22,41 @@ class Embedded:
     profile: bytes = b""
     xmp: bytes = b""
 
-
-def into_jpeg(jpeg: bytes, own: Embedded) -> list[bytes]:
-    """The pieces of a JPEG with metadata, which follow its JFIF header."""
-    segments = []
-    if own.exif:
-        segments.append((0xE1, b"Exif\0\0" + exif.block(own.exif)))
-    if own.xmp:
-        segments.append((0xE1, b"http://ns.adobe.com/xap/1.0/\0" + own.xmp))
-    parts = [own.profile[n : n + PROFILE_PART] for n in range(0, len(own.profile), PROFILE_PART)]
-    for number, part in enumerate(parts, 1):
-        segments.append((0xE2, b"ICC_PROFILE\0" + bytes([number, len(parts)]) + part))
-    first = 2 + (2 + int.from_bytes(jpeg[4:6]) if jpeg[2:4] == b"\xff\xe0" else 0)
-    written = [struct.pack(">BBH", 0xFF, marker, len(data) + 2) + data for marker, data in segments]
-    return [jpeg[:first], *written, jpeg[first:]]
-
-
-def into_webp(webp: bytes, own: Embedded, size: tuple[int, int], *, alpha: bool) -> list[bytes]:
-    """The pieces of a WebP of (width, height) px with metadata, which needs the extended form of the file."""
-    found = _riff_chunks(webp)
-    behind = [(b"EXIF", exif.block(own.exif) if own.exif else b""), (b"XMP ", own.xmp)]
-    chunks = [(b"ICCP", own.profile), *((name, data) for name, data in found if name != b"VP8X"), *behind]
-    flags = 0x20 * bool(own.profile) + 0x10 * alpha + 0x08 * bool(own.exif) + 0x04 * bool(own.xmp)
-    width, height = ((n - 1).to_bytes(3, "little") for n in size)
-    extended = [(b"VP8X", bytes([flags, 0, 0, 0]) + width + height), *((n, data) for n, data in chunks if data)]
-    written = [name + struct.pack("<I", len(data)) + data + bytes(len(data) % 2) for name, data in extended]
-    return [b"RIFF" + struct.pack("<I", 4 + sum(map(len, written))) + b"WEBP", *written]
+    @property
+    def block(self) -> bytes:
+        """EXIF as PNG and WebP hold it, without the `Exif` that a JPEG has before it; empty where there is none."""
+        return self.exif.tobytes().removeprefix(b"Exif\0\0") if self.exif else b""
 
 
 def png_chunks(own: Embedded) -> list[tuple[bytes, bytes]]:
     """Name and content of the chunks between a PNG's header and its pixels."""
     chunks = [
         (b"iCCP", b"ICC profile\0\0" + zlib.compress(own.profile) if own.profile else b""),
-        (b"eXIf", exif.block(own.exif) if own.exif else b""),
+        (b"eXIf", own.block),
         (b"iTXt", b"XML:com.adobe.xmp\0\0\0\0\0" + own.xmp if own.xmp else b""),
     ]
     return [(name, data) for name, data in chunks if data]
 
 
-def into_tiff(file: IO[bytes], own: Embedded) -> None:
-    """Metadata into a finished TIFF."""
-    more = []
-    if own.xmp:
-        more.append(exif.data(XMP_TAG, own.xmp))
-    if own.profile:
-        more.append(exif.data(PROFILE_TAG, own.profile, kind=exif.UNDEFINED))
-    if own.exif or more:
-        exif.into_tiff(file, own.exif, more)
+def tiff_tags(file: IO[bytes], own: Embedded) -> list[TiffTag]:
+    """The tags of a TIFF of which there is the header alone.
 
-
-def _riff_chunks(webp: bytes) -> list[tuple[bytes, bytes]]:
-    chunks, at = [], 12
-    while at + 8 <= len(webp):
-        (size,) = struct.unpack_from("<I", webp, at + 4)
-        chunks.append((webp[at : at + 4], webp[at + 8 : at + 8 + size]))
-        at += 8 + size + size % 2
-    return chunks
+    tifffile writes no directories of EXIF. Those that Pillow makes are put behind the header, so that their places are
+    known before the tags that point to them are written.
+    """
+    tags: list[TiffTag] = [
+        (tag, DATATYPE.ASCII, 0, value, True) if isinstance(value, bytes) else (tag, DATATYPE.SHORT, 1, value, True)
+        for tag, value in own.exif.items()
+    ]
+    packed = ((XMP_TAG, DATATYPE.BYTE, own.xmp), (PROFILE_TAG, DATATYPE.UNDEFINED, own.profile))
+    tags += [(tag, kind, len(data), data, True) for tag, kind, data in packed if data]
+    length = file.tell()
+    file.seek(0)
+    header = file.read(length)
+    for name, group in DIRECTORIES.items():
+        if fields := own.exif.get_ifd(group):
+            directory, place = ImageFileDirectory_v2(header, group=group), file.tell()
+            directory.update(fields)
+            file.write(directory.tobytes(place))
+            tags.append((name, DATATYPE.LONG, 1, place, True))  # 32 bits suffice for the beginning of a file
+    return tags

@@ -16,7 +16,8 @@ TIFF = (".tif", ".tiff")
 JPEG = (".jpg", ".jpeg")
 DEEP = (".png", ".tif", ".tiff")  # can hold 16 bits a channel
 SIDES = {".jpg": 65_500, ".jpeg": 65_500, ".webp": 16_383}  # px, where a format has a limit that matters
-ENCODING = {3: 6, 4: 14}  # bytes a pixel that pictures of so many channels take while they are encoded whole
+# bytes a pixel that pictures of so many channels take while they are encoded whole
+ENCODING = {".jpg": {3: 6}, ".jpeg": {3: 6}, ".webp": {3: 11, 4: 15}}
 FINISHED = 6  # tiles a thread, encoded or not, that wait until they are written
 NO_STREAM = (
     "write a .tif, which is written as it is made; allow more with --max-memory; or make it smaller with --scale"
@@ -71,9 +72,9 @@ def need(picture: Rendering, path: str) -> Need:
     """What it takes to write a picture in the format of a path."""
     crop, channels, extension = picture.crop, channels_in(picture, path), Path(path).suffix.lower()
     pixel = channels * picture.depth // 8
-    held = 0 if extension in TIFF else crop.area * ENCODING[channels] * picture.depth // 8
-    if extension == ".png":
-        held = min(held, 2 * band_bytes(crop, pixel))
+    held = 2 * band_bytes(crop, pixel) if extension == ".png" else 0
+    if extension in ENCODING:
+        held = crop.area * ENCODING[extension][channels]
     tiles = tiles_of(crop)
     each = max(map(picture.panorama.cost, tiles)) + FINISHED * max(tile.area for tile in tiles) * pixel
     return Need(each, picture.panorama.kept + held)

@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from PIL import ExifTags
-
-from panostitch.io import exif
-from panostitch.io.exif import Field
+from PIL.TiffImagePlugin import IFDRational
 
 GPS = ExifTags.GPS
 
 APART = 100.0  # metres: photos farther apart than this have no position in common
 EARTH = 6_371_000.0  # metres, radius
+FINE = 10**4  # denominator of fractions: a ten thousandth of a second of latitude is 3 mm
 
 
 @dataclass(frozen=True)
@@ -63,30 +62,29 @@ def _number(value: Any, most: float) -> float | None:
     return number if 0 <= number <= most else None
 
 
-def place_fields(positions: Sequence[Position | None]) -> tuple[Field, ...]:
+def place_tags(positions: Sequence[Position | None]) -> dict[int, Any]:
     """The position of the photo in the middle of those that have one; none where they were taken far apart."""
     known = [position for position in positions if position]
     if not known:
-        return ()
+        return {}
     # in the middle is who has the shortest way to all others
     middle = min(known, key=lambda own: sum(own.metres_to(other) for other in known))
     if max(middle.metres_to(other) for other in known) > APART:
-        return ()
-    fields = [
-        exif.data(GPS.GPSVersionID, bytes([2, 3, 0, 0])),
-        exif.text(GPS.GPSLatitudeRef, b"N" if middle.latitude >= 0 else b"S"),
-        exif.rationals(GPS.GPSLatitude, _arc(middle.latitude)),
-        exif.text(GPS.GPSLongitudeRef, b"E" if middle.longitude >= 0 else b"W"),
-        exif.rationals(GPS.GPSLongitude, _arc(middle.longitude)),
-    ]
+        return {}
+    tags: dict[int, Any] = {
+        GPS.GPSVersionID: bytes([2, 3, 0, 0]),
+        GPS.GPSLatitudeRef: "N" if middle.latitude >= 0 else "S",
+        GPS.GPSLatitude: _arc(middle.latitude),
+        GPS.GPSLongitudeRef: "E" if middle.longitude >= 0 else "W",
+        GPS.GPSLongitude: _arc(middle.longitude),
+    }
     if middle.altitude is not None:
-        fields.append(exif.data(GPS.GPSAltitudeRef, bytes([middle.altitude < 0])))
-        fields.append(exif.rationals(GPS.GPSAltitude, [abs(middle.altitude)]))
-    return tuple(fields)
+        tags[GPS.GPSAltitudeRef] = bytes([middle.altitude < 0])
+        tags[GPS.GPSAltitude] = IFDRational(round(abs(middle.altitude) * FINE), FINE)
+    return tags
 
 
-def _arc(degrees: float) -> tuple[float, float, float]:
+def _arc(degrees: float) -> tuple[IFDRational, IFDRational, IFDRational]:
     """Degrees, minutes, seconds of an angle without its sign."""
-    ticks = round(abs(degrees) * 3600 * exif.FINE)
-    minutes, rest = divmod(ticks, 60 * exif.FINE)
-    return float(minutes // 60), float(minutes % 60), rest / exif.FINE
+    minutes, ticks = divmod(round(abs(degrees) * 3600 * FINE), 60 * FINE)
+    return IFDRational(minutes // 60), IFDRational(minutes % 60), IFDRational(ticks, FINE)

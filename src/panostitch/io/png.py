@@ -41,7 +41,7 @@ def write_png(file: IO[bytes], picture: Rendering, own: Embedded) -> None:
 
 def band_bytes(crop: Region, pixel_bytes: int) -> int:
     """Bytes of memory that a row of tiles takes."""
-    return crop.width * (TILE // 2) * pixel_bytes
+    return crop.width * min(crop.height, TILE // 2) * pixel_bytes
 
 
 def _bands(picture: Rendering) -> Iterator[Pixels]:

@@ -95,10 +95,10 @@ class Rendering:
         return pixels if self.channels == 3 else np.dstack([pixels, mask])
 
     def whole(self, channels: int) -> Pixels:
-        """The whole picture (h, w, channels) of 8 bits at once; a fourth channel that is not asked for is left out."""
+        """The whole picture (h, w, channels) of 8 bits; a fourth channel that it does not have means nothing."""
         picture = np.empty((self.crop.height, self.crop.width, channels), np.uint8)
         for region, tile in self.map(lambda region, tile: (region, tile)):
-            picture[region.within(self.crop)] = tile[..., :channels]
+            picture[region.within(self.crop)][..., : self.channels] = tile
         return picture
 
 

@@ -1,7 +1,7 @@
 """TIFF tile by tile, above 4 GB as BigTIFF; smaller copies of the picture, where asked for, as its SubIFDs."""
 
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from threading import Lock
@@ -12,7 +12,7 @@ import numpy as np
 import tifffile
 
 from panostitch.io.atomic import scratch
-from panostitch.io.embed import Embedded, into_tiff
+from panostitch.io.embed import Embedded, TiffTag, tiff_tags
 from panostitch.io.rendering import AHEAD, DTYPES, TILE, Dtype, Rendering, Samples
 from panostitch.model.canvas import Region
 from panostitch.options import OutputOptions
@@ -38,10 +38,9 @@ def write_tiff(file: IO[bytes], path: str, picture: Rendering, options: OutputOp
             options.compression == "deflate",
             picture.run,
         )
-        below = target.write_rendering(picture, levels)
+        below = target.write_rendering(picture, levels, tiff_tags(file, own))
         for level in range(1, levels + 1):
             below = target.write_reduced(below, last=level == levels)
-    into_tiff(file, own)
 
 
 class _Tiles:
@@ -90,7 +89,7 @@ class _Target:
     deflate: bool
     run: Executor
 
-    def write_rendering(self, picture: Rendering, levels: int) -> _Tiles | None:
+    def write_rendering(self, picture: Rendering, levels: int, tags: Sequence[TiffTag]) -> _Tiles | None:
         """The picture itself; the tiles of the next level, if there is one."""
         crop = picture.crop
         halved = self._halved(crop.width, crop.height) if levels else None
@@ -100,7 +99,7 @@ class _Target:
             return [self._encoded(_padded(part), reduce=levels > 0) for part in parts]
 
         pieces = (piece for pieces in picture.map(work) for piece in pieces)
-        self._write(crop.width, crop.height, _kept(pieces, halved), subifds=levels)
+        self._write(crop.width, crop.height, _kept(pieces, halved), tags, subifds=levels)
         return halved
 
     def write_reduced(self, source: _Tiles | None, *, last: bool) -> _Tiles | None:
@@ -127,7 +126,14 @@ class _Target:
         return data, _reduced(tile) if reduce else None
 
     def _write(
-        self, width: int, height: int, tiles: Iterator[bytes], *, subifds: int = 0, subfiletype: int = 0
+        self,
+        width: int,
+        height: int,
+        tiles: Iterator[bytes],
+        tags: Sequence[TiffTag] = (),
+        *,
+        subifds: int = 0,
+        subfiletype: int = 0,
     ) -> None:
         self.tiff.write(
             tiles,
@@ -142,6 +148,7 @@ class _Target:
             subfiletype=subfiletype,
             metadata=None,
             software=False,
+            extratags=tags,
         )
 
 
