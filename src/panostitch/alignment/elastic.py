@@ -42,7 +42,8 @@ ODD = 0.01  # of the photo's longer side: a match that is this much off its neig
 # leave more than all of it, those of parallax a third to a tenth.
 CLEARLY, NOTICEABLE = 0.8, 0.1
 FEWEST_JUDGES = 10
-HELD_BACK = 5  # of so many cells of the mesh one is held back
+LATTICE = 24  # cells along a photo,
+HELD_BACK = 5  # of so many of which one is held back
 
 
 def elastic(
@@ -132,8 +133,8 @@ def _held_back(cameras: Sequence[Camera], points: ControlPoints) -> NDArray[np.b
 
 
 def _cells(cameras: Sequence[Camera], points: ControlPoints) -> NDArray[np.intp]:
-    """Column and row (n, 2) of the cell of the first photo in which each match lies."""
-    return np.floor((points.xy_i + 0.5) * CELLS / max(cameras[points.i].size)).astype(np.intp)
+    """Column and row (n, 2) of the cell, of LATTICE along the first photo, in which each match lies."""
+    return np.floor((points.xy_i + 0.5) * LATTICE / max(cameras[points.i].size)).astype(np.intp)
 
 
 def _judged(cameras: Sequence[Camera], bent: Sequence[Camera], held: Sequence[ControlPoints]) -> LocalWarp:
