@@ -9,6 +9,7 @@ robust elastic warping", 2018; lines: Zhang et al., "Multi-viewpoint panorama co
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,14 +22,14 @@ from panostitch.model.mesh import CELLS, STEEPEST, Mesh, flat_mesh
 
 Floats = NDArray[np.float64]
 
-ROUNDS = 5
+ROUNDS = 3
 CLOSE = 3.0  # times the median error: matches within it count fully
 CLOSEST = 0.2  # px, and at least these
 NARROWER = 3.0  # times, from round to round, at most
 STIFFNESS = 0.1  # of a second difference of 1 px between nodes, in errors of 1 px of a match
 FADING = 0.2  # of the photo's longer side, over which a displacement fades where nothing holds it
 LINE_STIFFNESS = 100.0  # the same as STIFFNESS, across a straight line and for each step of a cell along it
-EXACT, MOST_STEPS = 1e-4, 200  # of the conjugate gradients: share of the right side that is left, and steps
+EXACT, MOST_STEPS = 1e-3, 200  # of the conjugate gradients: share of the right side that is left, and steps
 LARGEST = 0.02  # of the photo's longer side: the most that a photo is displaced
 TAMED = 0.99  # times the steepest that a mesh may be: from here on it would have been steeper
 STIFFER = 4.0  # times, where a mesh would be steeper than it may be
@@ -81,7 +82,9 @@ def _solved(
             solution = factors.solve(weighted @ target)
         else:
             # the weights change from round to round, the factors of the first are near enough to precondition the others
-            normal = LinearOperator(prior.shape, lambda x, w=weighted, r=rows: w @ (r @ x) + prior @ x, dtype=np.float64)
+            normal = LinearOperator(
+                prior.shape, lambda x, w=weighted, r=rows: w @ (r @ x) + prior @ x, dtype=np.float64
+            )
             nearly = LinearOperator(prior.shape, factors.solve, dtype=np.float64)
             solution, _ = cg(normal, weighted @ target, x0=solution, rtol=EXACT, maxiter=MOST_STEPS, M=nearly)
         meshes = _displaced(meshes, solution)
@@ -165,21 +168,27 @@ def _basis(mesh: Mesh, xy: Floats) -> csr_array:
     return csr_array((weights.T.ravel(), numbers.T.ravel(), ends), shape=(len(xy), mesh.nodes[..., 0].size))
 
 
-def _prior(mesh: Mesh, lines: Floats, stiffness: float) -> csc_array:
+def _prior(mesh: Mesh, lines: Floats, stiffness: float) -> csr_array:
     """What displacements cost by themselves: a symmetric matrix over the nodes, x and then y."""
-    rows, columns = mesh.nodes.shape[:2]
+    prior = stiffness * _plate(*mesh.nodes.shape[:2])
+    if len(lines):
+        bend = _line_rows(mesh, lines)
+        prior = prior + LINE_STIFFNESS * bend.T @ bend
+    return csr_array(prior)
+
+
+@lru_cache(maxsize=8)
+def _plate(rows: int, columns: int) -> csr_array:
+    """What second differences and the size of displacements cost, x and then y; most photos are of one size."""
     one, other = (diags_array([1.0, -2.0, 1.0], offsets=[0, 1, 2], shape=(n - 2, n)) for n in (rows, columns))
     down, right = (diags_array([1.0, -1.0], offsets=[0, 1], shape=(n - 1, n)) for n in (rows, columns))
     across = kron(eye_array(rows), other)
     along = kron(one, eye_array(columns))
     twisted = kron(down, right)
+    cells = max(rows, columns) - 3
     plate = across.T @ across + along.T @ along + 2 * twisted.T @ twisted
-    single = stiffness * (plate + eye_array(rows * columns) / (FADING * max(mesh.cells)) ** 4)
-    prior = block_diag([single, single])
-    if len(lines):
-        bend = _line_rows(mesh, lines)
-        prior = prior + LINE_STIFFNESS * bend.T @ bend
-    return csc_array(prior)
+    single = plate + eye_array(rows * columns) / (FADING * cells) ** 4
+    return csr_array(block_diag([single, single]))
 
 
 def _line_rows(mesh: Mesh, lines: Floats) -> csr_array:
