@@ -163,5 +163,20 @@ def test_threads_change_nothing():
     assert one.to_json() == many.to_json()
 
 
+def test_the_order_of_the_photos_changes_nothing():
+    photos = photographed(8.0)[1]
+
+    one = found(8.0)
+    other = pipeline.align(photos[::-1], Options())
+
+    nodes = [
+        {photo.name: camera.mesh.nodes for photo, camera in zip(some.photos, some.cameras, strict=True)}
+        for some in (one, other)
+    ]
+    assert nodes[0].keys() == nodes[1].keys() == {photo.name for photo in photos}
+    for name in nodes[0]:
+        np.testing.assert_array_equal(nodes[0][name], nodes[1][name])
+
+
 def test_photos_without_parallax_are_left_alone():
     assert found(0.0).to_json() == found(0.0, local_warp="none").to_json()

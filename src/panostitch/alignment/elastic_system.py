@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import block_diag, csc_array, csr_array, diags_array, eye_array, hstack, kron, vstack
+from scipy.sparse import block_diag, csc_array, csr_array, diags_array, eye_array, hstack, kron
 from scipy.sparse.linalg import LinearOperator, cg, splu
 
 from panostitch.model.camera import Camera
@@ -81,7 +81,7 @@ def _solved(
             factors = splu(normal, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
             solution = factors.solve(weighted @ target)
         else:
-            # the weights change from round to round, the factors of the first are near enough to precondition the others
+            # only the weights change from round to round: the factors of the first precondition the others well
             normal = LinearOperator(
                 prior.shape, lambda x, w=weighted, r=rows: w @ (r @ x) + prior @ x, dtype=np.float64
             )
