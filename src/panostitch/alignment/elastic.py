@@ -32,7 +32,7 @@ COARSEST, FINEST = 240, 1600  # px of the photos' longer side
 WAY = 8.0  # px of the reduced photo, from where a point is sought
 BLOCKS = 1000  # of a photo in a pair, a corner sought in each,
 FEWEST_BLOCKS = 200  # less where a photo has many partners
-SMALLEST_BLOCK = 6  # px
+SMALLEST_BLOCK = 10  # px: what is nearer lies in much the same patch
 FEWEST_CELLS = 12  # along a photo, of meshes that only say where to look, and of those of very many photos
 FEW = 6  # photos; with more, cells become larger
 CORNER = 5  # px, side of the window
@@ -42,7 +42,8 @@ ODD = 0.01  # of the photo's longer side: a match that is this much off its neig
 # leave more than all of it, those of parallax a third to a tenth.
 CLEARLY, NOTICEABLE = 0.8, 0.1
 FEWEST_JUDGES = 10
-HELD_BACK = 5  # of so many cells of the mesh one is held back
+LATTICE = 24  # cells along a photo,
+HELD_BACK = 5  # of so many of which one is held back
 
 
 def elastic(
@@ -64,15 +65,17 @@ def elastic(
         known = [_completed(cameras, new, old) for new, old in zip(sound, known, strict=True)]
         used = [pair.take(~_held_back(cameras, pair)) for pair in known]
         bent = with_meshes(cameras, used, lines, _cells_for(photos) if factor == factors[-1] else FEWEST_CELLS)
+        if factor == factors[0] and _hopeless(_judged(cameras, bent, held)):
+            break
     return bent, _judged(cameras, bent, held)
 
 
 def _factors(photos: Sequence[Photo]) -> list[int]:
-    """By what the photos are reduced, one after the other."""
+    """By what the photos are reduced, one after the other: less by a factor of four, at the end of two or four."""
     longest = max(max(photo.size) for photo in photos)
     finest = max(1, int(longest / FINEST))
-    coarser = range(1, 1 + max(0, int(np.log2(longest / finest / COARSEST))))
-    return [*(finest * 2**k for k in reversed(coarser)), finest]
+    halvings = max(0, int(np.log2(longest / finest / COARSEST)))
+    return [finest * 2**k for k in (*range(halvings, 0, -2), 0)]
 
 
 def _cells_for(photos: Sequence[Photo]) -> int:
@@ -132,8 +135,8 @@ def _held_back(cameras: Sequence[Camera], points: ControlPoints) -> NDArray[np.b
 
 
 def _cells(cameras: Sequence[Camera], points: ControlPoints) -> NDArray[np.intp]:
-    """Column and row (n, 2) of the cell of the first photo in which each match lies."""
-    return np.floor((points.xy_i + 0.5) * CELLS / max(cameras[points.i].size)).astype(np.intp)
+    """Column and row (n, 2) of the cell, of LATTICE along the first photo, in which each match lies."""
+    return np.floor((points.xy_i + 0.5) * LATTICE / max(cameras[points.i].size)).astype(np.intp)
 
 
 def _judged(cameras: Sequence[Camera], bent: Sequence[Camera], held: Sequence[ControlPoints]) -> LocalWarp:
@@ -145,6 +148,11 @@ def _judged(cameras: Sequence[Camera], bent: Sequence[Camera], held: Sequence[Co
     median, bent_median = float(np.median(before)), float(np.median(after))
     clear = bent_rms < CLEARLY * rms and rms - bent_rms > NOTICEABLE and bent_median < CLEARLY * median
     return LocalWarp(clear and len(before) >= FEWEST_JUDGES, len(before), rms, median, bent_rms, bent_median)
+
+
+def _hopeless(warp: LocalWarp) -> bool:
+    """Whether what the smallest photos show is reason enough not to look at larger ones."""
+    return warp.matches >= FEWEST_JUDGES and not warp.used
 
 
 def _lengths(cameras: Sequence[Camera], points: Sequence[ControlPoints]) -> Floats:

@@ -9,10 +9,11 @@ robust elastic warping", 2018; lines: Zhang et al., "Multi-viewpoint panorama co
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import block_diag, csc_array, csr_array, diags_array, eye_array, hstack, kron, vstack
+from scipy.sparse import block_diag, csc_array, csr_array, diags_array, eye_array, hstack, kron
 from scipy.sparse.linalg import LinearOperator, cg, splu
 
 from panostitch.model.camera import Camera
@@ -21,14 +22,14 @@ from panostitch.model.mesh import CELLS, STEEPEST, Mesh, flat_mesh
 
 Floats = NDArray[np.float64]
 
-ROUNDS = 5
+ROUNDS = 3
 CLOSE = 3.0  # times the median error: matches within it count fully
 CLOSEST = 0.2  # px, and at least these
 NARROWER = 3.0  # times, from round to round, at most
 STIFFNESS = 0.1  # of a second difference of 1 px between nodes, in errors of 1 px of a match
 FADING = 0.2  # of the photo's longer side, over which a displacement fades where nothing holds it
 LINE_STIFFNESS = 100.0  # the same as STIFFNESS, across a straight line and for each step of a cell along it
-EXACT, MOST_STEPS = 1e-4, 200  # of the conjugate gradients: share of the right side that is left, and steps
+EXACT, MOST_STEPS = 1e-3, 200  # of the conjugate gradients: share of the right side that is left, and steps
 LARGEST = 0.02  # of the photo's longer side: the most that a photo is displaced
 TAMED = 0.99  # times the steepest that a mesh may be: from here on it would have been steeper
 STIFFER = 4.0  # times, where a mesh would be steeper than it may be
@@ -67,93 +68,97 @@ def errors(cameras: Sequence[Camera], points: ControlPoints) -> Floats:
 def _solved(
     cameras: Sequence[Camera], pairs: Sequence[_Pair], lines: Sequence[Floats], cells: int, stiffness: float
 ) -> tuple[Camera, ...]:
-    bent = [replace(camera, mesh=flat_mesh(camera.size, cells)) for camera in cameras]
-    prior = block_diag(
-        [_prior(camera.mesh, lines[n], stiffness) for n, camera in enumerate(bent) if camera.mesh], format="csc"
-    )
-    if not pairs:
-        return tuple(bent)
-    factors, solution, scale = None, None, 0.0
-    for _ in range(ROUNDS):
-        rows, target = _equations(cameras, bent, pairs)
-        weight, scale = _weights(bent, pairs, least=scale / NARROWER)
+    meshes = [flat_mesh(camera.size, cells) for camera in cameras]
+    prior = block_diag([_prior(mesh, lines[n], stiffness) for n, mesh in enumerate(meshes)], format="csr")
+    places = [(pair.points.xy_i, pair.points.xy_j) for pair in pairs]
+    factors, solution, scale = None, np.zeros(prior.shape[0]), 0.0
+    for _ in range(ROUNDS if pairs else 0):
+        rows, target = _equations(cameras, meshes, pairs, places)
+        weight, scale = _weights(target - rows @ solution, least=scale / NARROWER)
         weighted = rows.T @ diags_array(weight)
-        normal = csc_array(weighted @ rows + prior)
         if factors is None:
+            normal = csc_array(weighted @ rows + prior)
             factors = splu(normal, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-        # the weights change from round to round, the factors of the first are near enough to precondition the others
-        nearly = LinearOperator(normal.shape, factors.solve, dtype=np.float64)
-        solution, _ = cg(normal, weighted @ target, x0=solution, rtol=EXACT, maxiter=MOST_STEPS, M=nearly)
-        bent = _displaced(bent, solution)
-    return tuple(bent)
+            solution = factors.solve(weighted @ target)
+        else:
+            # only the weights change from round to round: the factors of the first precondition the others well
+            normal = LinearOperator(
+                prior.shape, lambda x, w=weighted, r=rows: w @ (r @ x) + prior @ x, dtype=np.float64
+            )
+            nearly = LinearOperator(prior.shape, factors.solve, dtype=np.float64)
+            solution, _ = cg(normal, weighted @ target, x0=solution, rtol=EXACT, maxiter=MOST_STEPS, M=nearly)
+        meshes = _displaced(meshes, solution)
+        solution = np.concatenate([mesh.nodes.transpose(2, 0, 1).ravel() for mesh in meshes])
+        places = [_straightened(meshes, pair.points, *place) for pair, place in zip(pairs, places, strict=True)]
+    return tuple(replace(camera, mesh=mesh) for camera, mesh in zip(cameras, meshes, strict=True))
 
 
-def _weights(bent: Sequence[Camera], pairs: Sequence[_Pair], *, least: float) -> tuple[Floats, float]:
+def _straightened(meshes: Sequence[Mesh], points: ControlPoints, q_i: Floats, q_j: Floats) -> tuple[Floats, Floats]:
+    """Nearer to where the cameras see the matches: one step, the rounds make the others."""
+    return points.xy_i - meshes[points.i].displacement(q_i), points.xy_j - meshes[points.j].displacement(q_j)
+
+
+def _weights(residuals: Floats, *, least: float) -> tuple[Floats, float]:
     """Cauchy weights (2 n,), one for each coordinate of each match, and their scale: px, `least` or more.
 
     Were it to become small at once, what the first mesh does not follow yet would never count again.
     """
-    lengths = [np.nan_to_num(np.linalg.norm(errors(bent, pair.points), axis=1), nan=1e6) for pair in pairs]
-    scale = max(CLOSE * float(np.median(np.concatenate(lengths))), CLOSEST, least)
-    return np.concatenate([np.tile(1 / (1 + (length / scale) ** 2), 2) for length in lengths]), scale
+    length = np.linalg.norm(residuals.reshape(-1, 2), axis=1)
+    scale = max(CLOSE * float(np.median(length)), CLOSEST, least)
+    return np.repeat(1 / (1 + (length / scale) ** 2), 2), scale
 
 
-def _displaced(bent: Sequence[Camera], solution: Floats) -> list[Camera]:
-    """The cameras with their part of the solution for a mesh; rounded, so that a project file holds the same."""
+def _displaced(meshes: Sequence[Mesh], solution: Floats) -> list[Mesh]:
+    """The meshes with their parts of the solution; rounded, so that a project file holds the same."""
     found, start = [], 0
-    for camera in bent:
-        assert camera.mesh is not None
-        shape = camera.mesh.nodes.shape[:2]
+    for mesh in meshes:
+        shape = mesh.nodes.shape[:2]
         count = shape[0] * shape[1]
         nodes = solution[start : start + 2 * count].reshape(2, *shape).transpose(1, 2, 0)
         length = np.linalg.norm(nodes, axis=2, keepdims=True)
-        most = LARGEST * max(camera.size)
+        most = LARGEST * max(mesh.size)
         nodes = nodes * np.minimum(1, most / np.maximum(length, 1e-12))
-        mesh = Mesh(camera.size, nodes)
-        tamed = nodes * min(1.0, STEEPEST / max(mesh.steepness, 1e-12))  # what folds has no inverse
-        found.append(replace(camera, mesh=Mesh(camera.size, tamed.round(4))))
+        steepness = Mesh(mesh.size, nodes).steepness
+        tamed = nodes * min(1.0, STEEPEST / max(steepness, 1e-12))  # what folds has no inverse
+        found.append(Mesh(mesh.size, tamed.round(4)))
         start += 2 * count
     return found
 
 
-def _equations(cameras: Sequence[Camera], bent: Sequence[Camera], pairs: Sequence[_Pair]) -> tuple[csr_array, Floats]:
+def _equations(
+    cameras: Sequence[Camera], meshes: Sequence[Mesh], pairs: Sequence[_Pair], places: Sequence[tuple[Floats, Floats]]
+) -> tuple[csr_array, Floats]:
     """Rows (2 n, unknowns) and right side (2 n,): what the nodes, x of a photo and then y, do to each match.
 
     Photo i shows at p what its camera sees at q; with the slope A of the cameras' map f, D_j - A D_i = p_j - f(q_i) -
     A (p_i - q_i).
     """
-    counts = [2 * camera.mesh.nodes[..., 0].size for camera in bent if camera.mesh]
-    starts = np.concatenate([[0], np.cumsum(counts)])
-    parts, targets = [], []
-    for pair in pairs:
+    counts = [mesh.nodes[..., 0].size for mesh in meshes]
+    starts = 2 * np.cumsum([0, *counts])
+    columns, factors, targets = [], [], []
+    for pair, (q_i, q_j) in zip(pairs, places, strict=True):
         points, slope = pair.points, pair.slope
-        mesh_i, mesh_j = bent[points.i].mesh, bent[points.j].mesh
-        assert mesh_i is not None
-        assert mesh_j is not None
-        q_i, q_j = mesh_i.straightened(points.xy_i), mesh_j.straightened(points.xy_j)
         seen = cameras[points.j].project(cameras[points.i].rays(q_i))
         right = points.xy_j - seen - np.einsum("nab,nb->na", slope, points.xy_i - q_i)
         known = np.isfinite(right).all(1)
-        targets.append(np.where(known[:, None], right, 0.0).T.ravel())
-        blank = known.astype(float)
-        here, there = _basis(mesh_i, q_i), _basis(mesh_j, q_j)
-        for axis in (0, 1):
-            columns = [
-                (starts[points.i], -blank * slope[:, axis, 0], here),
-                (starts[points.i] + counts[points.i] // 2, -blank * slope[:, axis, 1], here),
-                (starts[points.j] + axis * (counts[points.j] // 2), blank, there),
-            ]
-            parts.append(_row_block(columns, int(starts[-1])))
-    return csr_array(vstack(parts, format="csr")), np.concatenate(targets)
-
-
-def _row_block(columns: list[tuple[int, Floats, csr_array]], unknowns: int) -> csr_array:
-    """Rows of some basis functions, each times a factor (n,) and in the columns from its start."""
-    rows = [np.repeat(np.arange(basis.shape[0]), 16) for _, _, basis in columns]
-    places = [basis.indices + start for start, _, basis in columns]
-    values = [basis.data * np.repeat(factor, 16) for _, factor, basis in columns]
-    where = (np.concatenate(rows), np.concatenate(places))
-    return csr_array((np.concatenate(values), where), shape=(columns[0][2].shape[0], unknowns))
+        targets.append(np.where(known[:, None], right, 0.0))
+        (here, weight_i), (there, weight_j) = meshes[points.i].terms(q_i), meshes[points.j].terms(q_j)
+        here, there, weight_i, weight_j = here.T, there.T, weight_i.T * known[:, None], weight_j.T * known[:, None]
+        first, second = here + starts[points.i], there + starts[points.j]
+        other = first + counts[points.i]
+        columns.append(np.stack([np.hstack([first, other, second + axis * counts[points.j]]) for axis in (0, 1)], 1))
+        factors.append(
+            np.stack(
+                [
+                    np.hstack([-slope[:, axis, :1] * weight_i, -slope[:, axis, 1:] * weight_i, weight_j])
+                    for axis in (0, 1)
+                ],
+                1,
+            )
+        )
+    values, numbers = np.concatenate(factors).reshape(-1), np.concatenate(columns).reshape(-1)
+    ends = np.arange(0, len(values) + 1, 48)
+    return csr_array((values, numbers, ends), shape=(len(ends) - 1, int(starts[-1]))), np.concatenate(targets).ravel()
 
 
 def _basis(mesh: Mesh, xy: Floats) -> csr_array:
@@ -163,21 +168,27 @@ def _basis(mesh: Mesh, xy: Floats) -> csr_array:
     return csr_array((weights.T.ravel(), numbers.T.ravel(), ends), shape=(len(xy), mesh.nodes[..., 0].size))
 
 
-def _prior(mesh: Mesh, lines: Floats, stiffness: float) -> csc_array:
+def _prior(mesh: Mesh, lines: Floats, stiffness: float) -> csr_array:
     """What displacements cost by themselves: a symmetric matrix over the nodes, x and then y."""
-    rows, columns = mesh.nodes.shape[:2]
+    prior = stiffness * _plate(*mesh.nodes.shape[:2])
+    if len(lines):
+        bend = _line_rows(mesh, lines)
+        prior = prior + LINE_STIFFNESS * bend.T @ bend
+    return csr_array(prior)
+
+
+@lru_cache(maxsize=8)
+def _plate(rows: int, columns: int) -> csr_array:
+    """What second differences and the size of displacements cost, x and then y; most photos are of one size."""
     one, other = (diags_array([1.0, -2.0, 1.0], offsets=[0, 1, 2], shape=(n - 2, n)) for n in (rows, columns))
     down, right = (diags_array([1.0, -1.0], offsets=[0, 1], shape=(n - 1, n)) for n in (rows, columns))
     across = kron(eye_array(rows), other)
     along = kron(one, eye_array(columns))
     twisted = kron(down, right)
+    cells = max(rows, columns) - 3
     plate = across.T @ across + along.T @ along + 2 * twisted.T @ twisted
-    single = stiffness * (plate + eye_array(rows * columns) / (FADING * max(mesh.cells)) ** 4)
-    prior = block_diag([single, single])
-    if len(lines):
-        bend = _line_rows(mesh, lines)
-        prior = prior + LINE_STIFFNESS * bend.T @ bend
-    return csc_array(prior)
+    single = plate + eye_array(rows * columns) / (FADING * cells) ** 4
+    return csr_array(block_diag([single, single]))
 
 
 def _line_rows(mesh: Mesh, lines: Floats) -> csr_array:
