@@ -60,17 +60,20 @@ def _times(pixels: Floats, factor: Floats) -> Floats:
 
 
 def _keep_white(pixels: Floats, exposed: Floats) -> None:
-    # planes: NumPy is slow along an axis of three
-    red, green, blue = cv2.split(pixels)
-    darkest = np.asarray(cv2.min(cv2.min(red, green), blue))
-    white = darkest > BURNT
+    white = _all_channels(pixels > BURNT)
     if white.any():
-        own, share = exposed[white], ((darkest[white] - BURNT) / (WHITE - BURNT)) ** 2
-        level = np.maximum(own.max(1), pixels[white].max(1))
+        before, own = pixels[white], exposed[white]
+        share = ((before.min(1) - BURNT) / (WHITE - BURNT)) ** 2
+        level = np.maximum(own.max(1), before.max(1))
         exposed[white] = own + (level[:, None] - own) * share[:, None]
 
 
 def _keep_hue(exposed: Floats) -> None:
-    red, green, blue = cv2.split(exposed)
-    brightest = np.asarray(cv2.max(cv2.max(red, green), blue))
-    exposed *= cv2.merge([WHITE / np.maximum(brightest, WHITE)] * 3)
+    beyond = ~_all_channels(exposed <= WHITE)
+    own = exposed[beyond]
+    exposed[beyond] = own * (WHITE / own.max(1))[:, None]
+
+
+def _all_channels(which: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Where (h, w) it is so in all three channels (h, w, 3); NumPy is slow along so short an axis."""
+    return np.asarray(cv2.inRange(which.view(np.uint8), (1, 1, 1), (1, 1, 1)) > 0)

@@ -6,18 +6,21 @@ after the change has been added to the lowest level of each photo. Far from seam
 """
 
 from collections.abc import Sequence
+from itertools import combinations
 from math import floor, log2
 
 import cv2
 import numpy as np
 
-from panostitch.compositing.blend.pieces import Booleans, Floats, Labels, Piece, fill
-from panostitch.model.canvas import Canvas
+from panostitch.compositing.blend.pieces import Booleans, Floats, Labels, Piece, fill, put
+from panostitch.model.canvas import Canvas, Region
 
 # Repeated `pyrDown` smooths by a cubic B-spline. Weights at the reduced size are what it leaves of seams between whole
 # reduced pixels: the spline integrated over a pixel.
 REDUCED_KERNEL = np.array([1, 76, 230, 76, 1], np.float32) / np.float32(384)
 COARSEST = 4  # the lowest band of the smallest photo is this many pixels wide
+EVERYWHERE = (slice(None), slice(None))
+ENLARGING = 2  # times 2^levels: how far a change that is enlarged looks
 HALO = 3  # times 2^levels: what lies farther away changes a pixel by less than 0.0001 of a grey level
 
 
@@ -73,17 +76,49 @@ def _others(pieces: Sequence[Piece], labels: Labels, composite: Floats) -> tuple
 def join(
     pieces: Sequence[Piece], changes: Sequence[Floats], composite: Floats, factor: int, levels: int | None
 ) -> Floats:
-    """Fine bands of a tile (h, w, 3) over the blended low ones; its sides must be multiples of the factor."""
+    """Fine bands of a tile (h, w, 3) over the blended low ones; its sides and places are multiples of the factor.
+
+    A piece must reach as far around what it owns as its bands do. Where there is but one, all its bands add up to
+    itself: they are made only around the seams.
+    """
     fine = _fine(factor)
-    owners = [(piece, change) for piece, change in zip(pieces, changes, strict=True) if piece.owns.any()]
-    if len(owners) == 1:
-        return composite + _enlarged(owners[0][1], fine)
+    for piece, change in zip(pieces, changes, strict=True):
+        put(composite[piece.place], alone(piece.pixels, change, factor), piece.owns)
+    places = [_region(piece.place) for piece in pieces]
+    shared = _around([a & b for a, b in combinations(places, 2)])
+    if not shared:
+        return composite
+    whole = Region(0, 0, *composite.shape[1::-1])
+    around = shared.grown(ENLARGING * factor) & whole
     depth = fine if levels is None else min(levels, fine)
-    bands = _Bands(composite.shape[:2], depth, wraps=False)
-    for piece, change in owners:
-        # with fewer bands nothing was blended on the reduced canvas
-        bands.add(piece.pixels, np.asarray(piece.owns, np.float32), change if depth == fine else None)
-    return bands.collapse()
+    bands = _Bands((around.height, around.width), depth, wraps=False)
+    for piece, place, change in zip(pieces, places, changes, strict=True):
+        part = place & around
+        if part:
+            own = part.within(place)
+            # with fewer bands nothing was blended on the reduced canvas
+            low = change[part.divided(factor).within(place.divided(factor))] if depth == fine else None
+            bands.add(piece.pixels[own], np.asarray(piece.owns[own], np.float32), low, part.within(around))
+    composite[shared.within(whole)] = bands.collapse()[shared.within(around)]
+    return composite
+
+
+def alone(pixels: Floats, change: Floats, factor: int, place: tuple[slice, slice] = EVERYWHERE) -> Floats:
+    """Pixels (h, w, 3) of a photo far from seams; the change covers the tile of which they are a place."""
+    return np.asarray(cv2.add(pixels, _enlarged(change, _fine(factor))[place]), np.float32)
+
+
+def _region(place: tuple[slice, slice]) -> Region:
+    rows, columns = place
+    return Region(columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start)
+
+
+def _around(regions: Sequence[Region]) -> Region:
+    """The smallest region that holds all these; empty where all of them are."""
+    found = [region for region in regions if region]
+    x, y = (min((getattr(region, side) for region in found), default=0) for side in ("x", "y"))
+    right, bottom = (max((getattr(region, side) for region in found), default=0) for side in ("right", "bottom"))
+    return Region(x, y, right - x, bottom - y)
 
 
 def _enlarged(change: Floats, levels: int) -> Floats:
@@ -132,31 +167,29 @@ class _Bands:
         self._wraps = wraps
         self._inner = (slice(0, height), slice(margin, margin + width))
         self._frame = ((0, -height % step), (margin, -(width + 2 * margin) % step + margin))
-        self._sum: list[Floats] = []
+        wide, high = (n + sum(frame) for n, frame in zip((width, height), reversed(self._frame), strict=True))
+        self._sum = [np.zeros((high >> level, wide >> level, 3), np.float32) for level in range(levels + 1)]
         self._levels = levels
 
-    def add(self, photo: Floats, weight: Floats, change: Floats | None = None) -> None:
+    def add(
+        self, photo: Floats, weight: Floats, change: Floats | None = None, place: tuple[slice, slice] = EVERYWHERE
+    ) -> None:
         """Add a photo (h, w, 3) with its weights (h, w); the weights of all photos sum to one.
 
-        `change` is added to the photo's lowest level, whose size it has.
+        `change` is added to the photo's lowest level, whose size it has. A photo may lie in a place of the picture, at
+        multiples of the step of the lowest level.
         """
-        bands = _weighted_bands(
-            _framed(photo, self._frame, wraps=self._wraps),
-            _framed(weight, self._frame, wraps=self._wraps),
-            self._levels,
-            change,
-        )
-        for level, band in enumerate(bands):
-            if level == len(self._sum):
-                self._sum.append(band)
-            else:
-                self._sum[level] += band
+        framed = _framed(photo, self._frame, wraps=self._wraps)
+        weights = _framed(weight, self._frame, wraps=self._wraps)
+        for level, band in enumerate(_weighted_bands(framed, weights, self._levels, change)):
+            part = tuple(slice(s.start and s.start >> level, s.stop and s.stop >> level) for s in place)
+            self._sum[level][part] += band
 
     def collapse(self) -> Floats:
         """The blended picture (h, w, 3)."""
         whole = self._sum[-1]
         for band in reversed(self._sum[:-1]):
-            whole = cv2.pyrUp(whole, dstsize=band.shape[1::-1]) + band
+            whole = np.asarray(cv2.add(cv2.pyrUp(whole, dstsize=band.shape[1::-1]), band), np.float32)
         return np.asarray(whole[self._inner], np.float32)
 
 
@@ -174,7 +207,11 @@ def _weighted_bands(photo: Floats, weight: Floats, levels: int, change: Floats |
     bands = []
     for _ in range(levels):
         smaller = cv2.pyrDown(photo)
-        bands.append((photo - cv2.pyrUp(smaller, dstsize=photo.shape[1::-1])) * weight[..., None])
+        bands.append(_times(photo - cv2.pyrUp(smaller, dstsize=photo.shape[1::-1]), weight))
         photo, weight = np.asarray(smaller, np.float32), np.asarray(cv2.pyrDown(weight), np.float32)
-    bands.append((photo if change is None else photo + change) * weight[..., None])
-    return [np.asarray(band, np.float32) for band in bands]
+    bands.append(_times(photo if change is None else photo + change, weight))
+    return bands
+
+
+def _times(pixels: Floats, weight: Floats) -> Floats:
+    return np.asarray(cv2.multiply(pixels, cv2.merge([weight] * 3)), np.float32)
