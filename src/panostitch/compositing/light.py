@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from panostitch.compositing.overlaps import all_channels
 from panostitch.compositing.warp import blocks
 from panostitch.model.camera import Camera
 from panostitch.model.canvas import Canvas, Region
@@ -60,7 +61,7 @@ def _times(pixels: Floats, factor: Floats) -> Floats:
 
 
 def _keep_white(pixels: Floats, exposed: Floats) -> None:
-    white = _all_channels(pixels > BURNT)
+    white = all_channels(pixels > BURNT)
     if white.any():
         before, own = pixels[white], exposed[white]
         share = ((before.min(1) - BURNT) / (WHITE - BURNT)) ** 2
@@ -69,11 +70,6 @@ def _keep_white(pixels: Floats, exposed: Floats) -> None:
 
 
 def _keep_hue(exposed: Floats) -> None:
-    beyond = ~_all_channels(exposed <= WHITE)
+    beyond = ~all_channels(exposed <= WHITE)
     own = exposed[beyond]
     exposed[beyond] = own * (WHITE / own.max(1))[:, None]
-
-
-def _all_channels(which: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Where (h, w) it is so in all three channels (h, w, 3); NumPy is slow along so short an axis."""
-    return np.asarray(cv2.inRange(which.view(np.uint8), (1, 1, 1), (1, 1, 1)) > 0)
