@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from panostitch.compositing.blend import BLENDERS
-from panostitch.compositing.blend.pieces import Floats, Piece, hard_composite, put
+from panostitch.compositing.blend.pieces import Floats, Piece, hard_composite, only
 from panostitch.compositing.light import expose, factors
 from panostitch.compositing.warp import Decoded, misses, read_for, warp
 from panostitch.model.alignment import Alignment
@@ -53,9 +53,7 @@ def compose(
         inner = region.within(tile)
         pixels, covered = blended[inner], mask[inner]
     if not covered.all():
-        shown = np.zeros_like(pixels)
-        put(shown, pixels, covered)
-        pixels = shown
+        pixels = only(pixels, covered)
     return Layer(region, pixels, covered)
 
 

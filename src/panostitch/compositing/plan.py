@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from panostitch.compositing.blend import BLENDERS
-from panostitch.compositing.blend.pieces import Piece, fill, hard_composite
+from panostitch.compositing.blend.pieces import Piece, fill, hard_composite, only
 from panostitch.compositing.coverage import covered_rays
 from panostitch.compositing.crop import Crop, choose_crop, surely_covered
 from panostitch.compositing.exposure import EXPOSURE
@@ -179,7 +179,7 @@ def _changes(
     for n, layer in exposed:
         change = blended[layer.region.within(small.region)] - layer.pixels
         # beyond the photo's edge there is nothing to compare: what the edge has goes on
-        changes[n].append((layer.region, fill(change * layer.mask[..., None], layer.mask)))
+        changes[n].append((layer.region, fill(only(change, layer.mask), layer.mask)))
     return tuple(map(tuple, changes))
 
 

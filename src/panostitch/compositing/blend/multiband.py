@@ -12,7 +12,7 @@ from math import floor, log2
 import cv2
 import numpy as np
 
-from panostitch.compositing.blend.pieces import Booleans, Floats, Labels, Piece, fill, put
+from panostitch.compositing.blend.pieces import Booleans, Floats, Labels, Piece, fill, only, put
 from panostitch.model.canvas import Canvas, Region
 
 # Repeated `pyrDown` smooths by a cubic B-spline. Weights at the reduced size are what it leaves of seams between whole
@@ -40,7 +40,8 @@ def blend_reduced(
         owns = np.asarray(labels == photo)
         if owns.any():
             own = [piece for piece in pieces if piece.photo == photo]
-            around = np.where(owns[..., None], others, composite)
+            around = composite.copy()
+            put(around, others, owns)
             pixels = _continued(own, around, shared | ~owns)
             weight = np.asarray(owns, np.float32)
             bands.add(pixels, _smoothed(weight) if factor > 1 else weight)
@@ -68,7 +69,7 @@ def _others(pieces: Sequence[Piece], labels: Labels, composite: Floats) -> tuple
     picture, shared = composite.copy(), np.zeros(labels.shape, bool)
     for piece in pieces:
         seen = piece.mask & (labels[piece.place] != piece.photo) & ~shared[piece.place]
-        np.copyto(picture[piece.place], piece.pixels, where=seen[..., None])
+        put(picture[piece.place], piece.pixels, seen)
         shared[piece.place] |= seen
     return picture, shared
 
@@ -147,14 +148,16 @@ def _continued(own: Sequence[Piece], around: Floats, comparable: Booleans) -> Fl
     """
     pixels, shown = np.zeros_like(around), np.zeros(around.shape[:2], bool)
     for piece in own:
-        pixels[piece.place][piece.mask] = piece.pixels[piece.mask]
+        put(pixels[piece.place], piece.pixels, piece.mask)
         shown[piece.place] |= piece.mask
     known = shown & comparable
-    difference = np.where(known[..., None], pixels - around, np.float32(0))
+    difference = only(pixels - around, known)
     half = around.shape[1] // 2 if len(own) > 1 else 0
     # a photo that touches the left and the right edge of a closed turn goes on at the far side of the turn
     extended = np.roll(fill(np.roll(difference, half, axis=1), np.roll(known, half, axis=1)), -half, axis=1)
-    return np.asarray(np.where(shown[..., None], pixels, around + extended), np.float32)
+    continued = around + extended
+    put(continued, pixels, shown)
+    return continued
 
 
 class _Bands:

@@ -61,6 +61,13 @@ def put(picture: Floats, pixels: Floats, where: Booleans) -> None:
     cv2.copyTo(pixels, where.view(np.uint8), picture)
 
 
+def only(pixels: Floats, where: Booleans) -> Floats:
+    """Some of the pixels (h, w, 3), and 0 elsewhere."""
+    picture = np.zeros_like(pixels)
+    put(picture, pixels, where)
+    return picture
+
+
 def fill(picture: Floats, known: Booleans) -> Floats:
     """Continue the known pixels of a picture (h, w, 3) into the unknown ones, smoother with distance.
 
@@ -72,8 +79,9 @@ def fill(picture: Floats, known: Booleans) -> Floats:
     size = ((width + 1) // 2, (height + 1) // 2)
     weight = known.astype(np.float32)
     small_weight = cv2.resize(weight, size, interpolation=cv2.INTER_AREA)
-    small = cv2.resize(picture * weight[..., None], size, interpolation=cv2.INTER_AREA)
-    means = np.asarray(small / np.maximum(small_weight, 1e-6)[..., None], np.float32)
+    small = cv2.resize(only(picture, known), size, interpolation=cv2.INTER_AREA)
+    means = np.asarray(small / cv2.merge([np.maximum(small_weight, 1e-6)] * 3), np.float32)
     filled = fill(means, np.asarray(small_weight > 1e-6))
-    enlarged = cv2.resize(filled, (width, height), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(np.where(known[..., None], picture, enlarged), np.float32)
+    enlarged = np.asarray(cv2.resize(filled, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
+    put(enlarged, picture, known)
+    return enlarged
