@@ -46,7 +46,7 @@ QUALITY = 92
 TILE = (1024, 512)  # px, of the floor's remap
 STEP = 16  # px between its exact coordinates
 
-ALIGN, RENDER, FLOOR = "align", "render", "floor"
+ALIGN, RENDER, FLOOR, SHOOT = "align", "render", "floor", "shoot"
 # scene: most CPU time, time on the clock and memory that ours may take, as shares of cv2.Stitcher's; None: not promised
 PROMISED: dict[str, tuple[float, float | None, float]] = {"ring": (0.10, None, 0.25), "row": (0.40, 0.5, 0.5)}
 WHOLE, HALF = 3.5, 2.0  # times the floor's CPU time that the whole and its second half may take
@@ -89,17 +89,16 @@ def main() -> int:
     parser.add_argument("--repeat", type=int, default=3, help="runs of each program; the median counts")
     parser.add_argument("--threads", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--output", type=Path, help="Markdown file to write")
-    parser.add_argument("--child", choices=[RIVAL, FLOOR], help=argparse.SUPPRESS)
+    parser.add_argument("--child", choices=[SHOOT, RIVAL, FLOOR], help=argparse.SUPPRESS)
     parser.add_argument("arguments", nargs="*", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.child:
         CHILDREN[given.child](given.threads, *given.arguments)
         return 0
     found = {}
-    scene = sphere_scene(procedural_texture(TEXTURE, TEXTURE // 2, 3))
     for name in given.scenes.split(","):
         with tempfile.TemporaryDirectory(prefix="panostitch-speed-") as folder:
-            found[name] = measure(Path(folder), scene, SCENES[name](), repeat=given.repeat, threads=given.threads)
+            found[name] = measure(Path(folder), name, repeat=given.repeat, threads=given.threads)
     text, kept = page(found, threads=given.threads)
     print(text)
     if given.output:
@@ -107,18 +106,16 @@ def main() -> int:
     return 0 if kept else 1
 
 
-def measure(
-    home: Path, scene: Scene, cameras: Sequence[Camera], *, repeat: int, threads: int
-) -> tuple[tuple[int, int], dict[str, Cost]]:
+def measure(home: Path, scene: str, *, repeat: int, threads: int) -> tuple[tuple[int, int], dict[str, Cost]]:
     """Size (width, height) of our panorama, and the medians of what each program takes."""
-    photos = [str(home / f"photo_{n:02}.jpg") for n in range(len(cameras))]
-    for n, (path, camera) in enumerate(zip(photos, cameras, strict=True)):
-        _cv2.imwrite(path, snapshot(scene, camera, n), [_cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+    photos = [str(home / f"photo_{n:02}.jpg") for n in range(len(SCENES[scene]()))]
     out, project, again = (str(home / name) for name in ("ours.jpg", "ours.pano.json", "again.jpg"))
     common = ["--overwrite", "--quiet", "--threads", str(threads)]
     whole = ["--crop", "none"]
     program = [sys.executable, "-m", "panostitch"]
     child = [sys.executable, "-P", __file__, "--threads", str(threads), "--child"]
+    # not in this process: Linux tells of a child no smaller peak than that of the process that started it
+    run([*child, SHOOT, scene, *photos])
     commands = {
         OURS: [*program, *photos, "-o", out, *whole, *common],
         ALIGN: [*program, "align", *photos, "-o", project, *common],
@@ -131,8 +128,7 @@ def measure(
         for name, command in commands.items():
             runs[name].append(run(command))
             print(name, runs[name][-1], file=sys.stderr, flush=True)
-    picture = _cv2.imread(out)
-    return picture.shape[1::-1], {name: middle(costs) for name, costs in runs.items()}
+    return size_of(out), {name: middle(costs) for name, costs in runs.items()}
 
 
 def snapshot(scene: Scene, camera: Camera, seed: int) -> Picture:
@@ -167,6 +163,14 @@ def middle(costs: Sequence[Cost]) -> Cost:
 
 
 # ---- the child's side
+
+
+def shoot(threads: int, name: str, *photos: str) -> None:
+    """Photograph a scene."""
+    cv2.setNumThreads(threads)
+    scene = sphere_scene(procedural_texture(TEXTURE, TEXTURE // 2, 3))
+    for n, (path, camera) in enumerate(zip(photos, SCENES[name](), strict=True)):
+        _cv2.imwrite(path, snapshot(scene, camera, n), [_cv2.IMWRITE_JPEG_QUALITY, QUALITY])
 
 
 def rival(threads: int, output: str, *photos: str) -> None:
@@ -209,7 +213,7 @@ def size_of(path: str) -> tuple[int, int]:
         return picture.size
 
 
-CHILDREN: dict[str, Callable[..., None]] = {RIVAL: rival, FLOOR: floor}
+CHILDREN: dict[str, Callable[..., None]] = {SHOOT: shoot, RIVAL: rival, FLOOR: floor}
 
 
 # ---- words

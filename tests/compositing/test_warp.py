@@ -234,6 +234,21 @@ def test_nothing_is_seen_behind_the_camera():
     assert columns.max() < 380
 
 
+@pytest.mark.parametrize("projection", ["rectilinear", "cylindrical", "equirectangular"])
+def test_a_photo_misses_what_its_mask_misses(projection):
+    camera = rig([0.3], [0.05], [0.1], size=(1200, 900), hfov=1.0)[0]
+    canvas = Canvas(projection, 1200.0, (-1500.0, -1200.0), (3000, 2400))
+    raster = np.zeros((900, 1200, 3), np.uint8), None
+    tiles = canvas.region.tiles(300)
+
+    missed = [warp.misses(camera, canvas, tile) for tile in tiles]
+    empty = [not warp.warp(raster, camera, canvas, tile, interpolation=cv2.INTER_LINEAR).mask.any() for tile in tiles]
+
+    # to overlook an empty tile costs time, to miss a pixel would leave a hole
+    assert all(nothing for nothing, miss in zip(empty, missed, strict=True) if miss)
+    assert sum(missed) > sum(empty) / 3 > 0
+
+
 def test_transparent_pixels_stay_transparent():
     camera, canvas = setting()
     alpha = np.full((SIZE[1], SIZE[0]), 255, np.uint8)

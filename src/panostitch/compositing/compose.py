@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from panostitch.compositing.blend import BLENDERS
-from panostitch.compositing.blend.pieces import Floats, Piece, hard_composite
+from panostitch.compositing.blend.pieces import Floats, Piece, hard_composite, only
 from panostitch.compositing.light import expose, factors
-from panostitch.compositing.warp import Decoded, read_for, warp
+from panostitch.compositing.warp import Decoded, misses, read_for, warp
 from panostitch.model.alignment import Alignment
 from panostitch.model.canvas import Canvas, Layer, Region
 from panostitch.model.panorama import Plan
@@ -31,13 +31,30 @@ def compose(
     """The pixels of a region of the canvas. The same pixels come out however the canvas is cut into regions."""
     blender = BLENDERS[options.blender]
     tile = with_halo(plan, options, region)
-    pieces = _pieces(alignment, canvas, plan, options, decoded, tile, region)
-    composite, covered = hard_composite(pieces, (tile.height, tile.width))
-    changes = [_change(plan, canvas, piece.photo, tile) for piece in pieces]
-    blended = blender.join(pieces, changes, composite, plan.factor, options.bands)
-    inner = region.within(tile)
-    mask = covered[inner]
-    return Layer(region, np.where(mask[..., None], blended[inner], 0).astype(np.float32), mask)
+    labels = label_rectangle(plan, canvas, tile)
+    photos = [int(n) for n in np.unique(labels)]
+    seen = partial(_seen, alignment, canvas, plan, options, decoded)
+    if len(photos) == 1:
+        # no pixel looks at another one: nothing is needed around the region
+        if misses(alignment.cameras[photos[0]], canvas, region):
+            size = region.height, region.width
+            return Layer(region, np.zeros((*size, 3), np.float32), np.zeros(size, bool))
+        layer = seen(photos[0], region)
+        change = _change(plan, canvas, photos[0], tile)
+        pixels, covered = blender.alone(layer.pixels, change, plan.factor, region.within(tile)), layer.mask
+    else:
+        places = [_place(labels == n, plan, options, tile) for n in photos]
+        pieces = _pieces(
+            labels, tile, plan.factor, [(n, seen(n, place)) for n, place in zip(photos, places, strict=True)]
+        )
+        composite, mask = hard_composite(pieces, (tile.height, tile.width))
+        changes = [_change(plan, canvas, n, place) for n, place in zip(photos, places, strict=True)]
+        blended = blender.join(pieces, changes, composite, plan.factor, options.bands)
+        inner = region.within(tile)
+        pixels, covered = blended[inner], mask[inner]
+    if not covered.all():
+        pixels = only(pixels, covered)
+    return Layer(region, pixels, covered)
 
 
 def with_halo(plan: Plan, options: CompositingOptions, region: Region) -> Region:
@@ -45,61 +62,46 @@ def with_halo(plan: Plan, options: CompositingOptions, region: Region) -> Region
     return region.grown(BLENDERS[options.blender].reach(plan.factor) * plan.factor, multiple=plan.factor)
 
 
-def _pieces(
+def _place(owned: NDArray[np.bool_], plan: Plan, options: CompositingOptions, tile: Region) -> Region:
+    """The part of a tile in which a photo is needed: what it may own by its labels (h, w), and a halo around that."""
+    rows, columns = (np.flatnonzero(owned.any(axis)) for axis in (1, 0))
+    small = tile.divided(plan.factor)
+    x, y = small.x - LABEL_MARGIN + int(columns[0]), small.y - LABEL_MARGIN + int(rows[0])
+    labelled = Region(x, y, int(np.ptp(columns)) + 1, int(np.ptp(rows)) + 1)
+    return labelled.grown(BLENDERS[options.blender].reach(plan.factor) + LABEL_MARGIN).times(plan.factor) & tile
+
+
+def _seen(
     alignment: Alignment,
     canvas: Canvas,
     plan: Plan,
     options: CompositingOptions,
     decoded: Decoded,
-    tile: Region,
+    photo: int,
     region: Region,
-) -> list[Piece]:
-    """The photos that own a part of the tile or lie next to it, each with the part it owns.
-
-    Where there is but one, no pixel looks at another one, and what lies around the region is left blank.
-    """
-    labels = label_rectangle(plan, canvas, tile)
-    photos = [int(n) for n in np.unique(labels)]
-    layers = []
-    for n in photos:
-        photo, camera = alignment.photos[n], alignment.cameras[n]
-        raster, camera = decoded.get(n, partial(read_for, photo, camera, canvas))
-        seen = region if len(photos) == 1 else tile
-        layer = warp(raster, camera, canvas, seen, interpolation=INTERPOLATION[options.interpolation])
-        pixels = expose(layer.pixels, factors(plan.light, n, camera, canvas, seen))
-        layers.append(_framed(pixels, layer.mask, seen, tile))
-    owner = _owners(labels, photos, [mask for _, mask in layers], plan.factor)
-    whole = (slice(0, tile.height), slice(0, tile.width))
-    return [
-        Piece(n, whole, pixels, mask, owner == k)
-        for k, (n, (pixels, mask)) in enumerate(zip(photos, layers, strict=True))
-    ]
+) -> Layer:
+    """A photo in a region of the canvas, in the panorama's light."""
+    raster, camera = decoded.get(photo, partial(read_for, alignment.photos[photo], alignment.cameras[photo], canvas))
+    layer = warp(raster, camera, canvas, region, interpolation=INTERPOLATION[options.interpolation])
+    pixels = expose(layer.pixels, factors(plan.light, photo, camera, canvas, region))
+    return Layer(region, pixels, layer.mask)
 
 
-def _framed(pixels: Floats, mask: NDArray[np.bool_], seen: Region, tile: Region) -> tuple[Floats, NDArray[np.bool_]]:
-    """Pixels and mask of a region in the arrays of a tile around it."""
-    if seen == tile:
-        return pixels, mask
-    inner, size = seen.within(tile), (tile.height, tile.width)
-    framed, covered = np.zeros((*size, 3), np.float32), np.ones(size, bool)
-    framed[inner], covered[inner] = pixels, mask
-    return framed, covered
-
-
-def _owners(
-    labels: NDArray[np.int16], photos: list[int], masks: list[NDArray[np.bool_]], factor: int
-) -> NDArray[np.int64]:
-    """Index into `photos` of each pixel's owner (h, w): by the enlarged labels, among the photos that cover it."""
-    owner = np.zeros(masks[0].shape, np.int64)
-    if len(photos) == 1:
-        return owner
+def _pieces(labels: NDArray[np.int16], tile: Region, factor: int, layers: list[tuple[int, Layer]]) -> list[Piece]:
+    """Photos in a tile, each with the part it owns: by the enlarged labels, among the photos that cover a pixel."""
+    owner = np.zeros((tile.height, tile.width), np.int32)
     largest = np.full(owner.shape, -1, np.float32)
-    for k, (n, mask) in enumerate(zip(photos, masks, strict=True)):
+    for k, (n, layer) in enumerate(layers):
+        place = layer.region.within(tile)
         # to cover a pixel counts for more than to be near it
-        share = _enlarge((labels == n).astype(np.float32), factor) + np.float32(2) * mask
-        owner[share > largest] = k
-        np.maximum(largest, share, out=largest)
-    return owner
+        share = _enlarge((labels == n).astype(np.float32), factor)[place] + np.float32(2) * layer.mask
+        owner[place][share > largest[place]] = k
+        np.maximum(largest[place], share, out=largest[place])
+    return [
+        Piece(n, place, layer.pixels, layer.mask, owner[place] == k)
+        for k, (n, layer) in enumerate(layers)
+        for place in [layer.region.within(tile)]
+    ]
 
 
 def label_rectangle(plan: Plan, canvas: Canvas, tile: Region) -> NDArray[np.int16]:
@@ -122,12 +124,13 @@ def _change(plan: Plan, canvas: Canvas, photo: int, tile: Region) -> Floats:
     # edges first: where a photo goes on across the edge of a full turn, its own pixels then count
     for margin in (EDGE, 0):
         for region, change in plan.changes[photo]:
-            padded = np.pad(change, ((margin, margin), (margin, margin), (0, 0)), mode="edge")
             for turn in turns:
-                place = region.grown(margin).moved(turn * width)
-                common = wide & place
+                at = region.moved(turn * width)
+                common = wide & at.grown(margin)
                 if common:
-                    found[common.within(wide)] = padded[common.within(place)]
+                    rows = np.arange(common.y, common.bottom).clip(at.y, at.bottom - 1) - at.y
+                    columns = np.arange(common.x, common.right).clip(at.x, at.right - 1) - at.x
+                    found[common.within(wide)] = change[np.ix_(rows, columns)]
     # the middle of a reduced pixel lies (factor - 1) / 2 px from its first pixel
     back = np.float32((plan.factor - 1) / (2 * plan.factor))
     found = found[:, 1:] * (1 - back) + found[:, :-1] * back

@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from panostitch.compositing.overlaps import all_channels
 from panostitch.compositing.warp import blocks
 from panostitch.model.camera import Camera
 from panostitch.model.canvas import Canvas, Region
@@ -60,17 +61,15 @@ def _times(pixels: Floats, factor: Floats) -> Floats:
 
 
 def _keep_white(pixels: Floats, exposed: Floats) -> None:
-    # planes: NumPy is slow along an axis of three
-    red, green, blue = cv2.split(pixels)
-    darkest = np.asarray(cv2.min(cv2.min(red, green), blue))
-    white = darkest > BURNT
+    white = all_channels(pixels > BURNT)
     if white.any():
-        own, share = exposed[white], ((darkest[white] - BURNT) / (WHITE - BURNT)) ** 2
-        level = np.maximum(own.max(1), pixels[white].max(1))
+        before, own = pixels[white], exposed[white]
+        share = ((before.min(1) - BURNT) / (WHITE - BURNT)) ** 2
+        level = np.maximum(own.max(1), before.max(1))
         exposed[white] = own + (level[:, None] - own) * share[:, None]
 
 
 def _keep_hue(exposed: Floats) -> None:
-    red, green, blue = cv2.split(exposed)
-    brightest = np.asarray(cv2.max(cv2.max(red, green), blue))
-    exposed *= cv2.merge([WHITE / np.maximum(brightest, WHITE)] * 3)
+    beyond = ~all_channels(exposed <= WHITE)
+    own = exposed[beyond]
+    exposed[beyond] = own * (WHITE / own.max(1))[:, None]

@@ -1,14 +1,14 @@
 """All that needs the whole picture at once, on a reduced canvas: light, seams, low bands of the blend, crop."""
 
 from collections.abc import Sequence
-from functools import partial
+from functools import cache, partial
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from panostitch.compositing.blend import BLENDERS
-from panostitch.compositing.blend.pieces import Piece, fill, hard_composite
+from panostitch.compositing.blend.pieces import Piece, fill, hard_composite, only
 from panostitch.compositing.coverage import covered_rays
 from panostitch.compositing.crop import Crop, choose_crop, surely_covered
 from panostitch.compositing.exposure import EXPOSURE
@@ -64,14 +64,14 @@ def make_plan(
     if not pieces:
         raise AlignmentError("no photo falls on the canvas", hint="try another --projection")
     count = len(alignment.photos)
-    squares = partial(_squares, alignment, small)
+    squares = _squares(alignment, small, places)
     light = EXPOSURE[options.exposure](lens_groups(alignment.photos), pieces, squares)
     exposed = [(n, _exposed(n, layer, light, squares)) for n, layer in pieces]
     labels = SEAMS[options.seams](small, exposed)
     covered = labels != NOBODY
     extended = extend(labels)
     owned = [_piece(n, layer, extended, small.region) for n, layer in exposed]
-    composite, _ = hard_composite(owned, covered.shape)
+    composite = _filled(owned, covered.shape)
     blended = BLENDERS[options.blender].blend_reduced(owned, extended, composite, small, factor, options.bands)
     picture = composite if blended is None else blended
     kept, reason = crop if isinstance(crop, Crop) else at_full_size(choose_crop(covered, crop), canvas, factor)
@@ -79,7 +79,7 @@ def make_plan(
     if not covered[cells.within(small.region)].any():
         raise UsageError("no photo shows anything of what was asked for", hint="look at the whole with --crop none")
     if trace is not silent:  # pictures that nobody else needs
-        unexposed, _ = hard_composite([_piece(n, layer, extended, small.region) for n, layer in pieces], covered.shape)
+        unexposed = _filled([_piece(n, layer, extended, small.region) for n, layer in pieces], covered.shape)
         trace("compositing.exposed", photos=alignment.photos, light=light, before=unexposed, after=composite)
         trace("compositing.seamed", labels=labels, picture=composite, names=[p.name for p in alignment.photos])
         _trace_bands(picture, trace)
@@ -135,11 +135,20 @@ def _warp_one(alignment: Alignment, small: Canvas, places: Sequence[tuple[Region
     return [warp(raster, camera, small, region, interpolation=cv2.INTER_LINEAR) for region in places[n]]
 
 
-def _squares(alignment: Alignment, small: Canvas, photo: int, region: Region) -> NDArray[np.float64]:
-    """Squares (h, w) of the radii at which a photo sees a region of the reduced canvas; 1 in the photo's corners."""
-    camera = alignment.cameras[photo]
-    x, y, _ = coordinates(camera, small, region)
-    return radius_square(np.stack([x, y], axis=-1).astype(np.float64), camera.size)
+def _squares(alignment: Alignment, small: Canvas, places: Sequence[tuple[Region, ...]]) -> Squares:
+    """From a photo and a part of its places to the squares (h, w) of the radii; made once, when they are asked for."""
+
+    @cache
+    def whole(photo: int, place: Region) -> NDArray[np.float32]:
+        camera = alignment.cameras[photo]
+        x, y, _ = coordinates(camera, small, place)
+        return np.asarray(radius_square(np.stack([x, y], axis=-1).astype(np.float64), camera.size), np.float32)
+
+    def squares(photo: int, region: Region) -> NDArray[np.float64]:
+        place = next(place for place in places[photo] if place & region == region)
+        return np.asarray(whole(photo, place)[region.within(place)], np.float64)
+
+    return squares
 
 
 def _exposed(photo: int, layer: Layer, light: Light, squares: Squares) -> Layer:
@@ -155,6 +164,11 @@ def _piece(photo: int, layer: Layer, labels: NDArray[np.int16], whole: Region) -
     return Piece(photo, place, layer.pixels, layer.mask, labels[place] == photo)
 
 
+def _filled(pieces: Sequence[Piece], shape: tuple[int, int]) -> NDArray[np.float32]:
+    """The hard composite (h, w, 3), uncovered pixels filled smoothly."""
+    return fill(*hard_composite(pieces, shape))
+
+
 def _changes(
     count: int, exposed: Placed, blended: NDArray[np.float32] | None, small: Canvas
 ) -> tuple[tuple[tuple[Region, NDArray[np.float32]], ...], ...]:
@@ -165,7 +179,7 @@ def _changes(
     for n, layer in exposed:
         change = blended[layer.region.within(small.region)] - layer.pixels
         # beyond the photo's edge there is nothing to compare: what the edge has goes on
-        changes[n].append((layer.region, fill(change * layer.mask[..., None], layer.mask)))
+        changes[n].append((layer.region, fill(only(change, layer.mask), layer.mask)))
     return tuple(map(tuple, changes))
 
 

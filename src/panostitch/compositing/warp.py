@@ -50,12 +50,12 @@ def _magnification(camera: Camera) -> float:
 
 def warp(raster: Raster, camera: Camera, canvas: Canvas, region: Region, *, interpolation: int) -> Layer:
     """The part of a photo that falls into a region of the canvas."""
-    pixels = np.zeros((region.height, region.width, 3), np.float32)
-    mask = np.zeros((region.height, region.width), bool)
+    pixels = np.empty((region.height, region.width, 3), np.float32)
+    mask = np.empty((region.height, region.width), bool)
     for part in region.tiles(CHUNK):
         rows_columns = part.within(region)
         x, y, valid = coordinates(camera, canvas, part)
-        inside = valid & (x >= -0.5) & (x <= camera.size[0] - 0.5) & (y >= -0.5) & (y <= camera.size[1] - 0.5)
+        inside = valid & (_between(x, camera.size[0]) & _between(y, camera.size[1]))
         pixels[rows_columns] = cv2.remap(raster[0], x, y, interpolation, borderMode=cv2.BORDER_REPLICATE)
         if raster[1] is not None:
             inside &= cv2.remap(raster[1], x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) > 254
@@ -63,6 +63,19 @@ def warp(raster: Raster, camera: Camera, canvas: Canvas, region: Region, *, inte
     if raster[0].dtype == np.uint16:
         pixels *= DEEP
     return Layer(region, pixels, mask)
+
+
+def _between(x: NDArray[np.float32], side: int) -> NDArray[np.bool_]:
+    return np.asarray(cv2.inRange(x, -0.5, side - 0.5) > 0)
+
+
+def misses(camera: Camera, canvas: Canvas, region: Region) -> bool:
+    """Whether a photo surely shows nothing of a region of the canvas."""
+    grid = blocks(camera, canvas, region)
+    if _bent(grid.nodes, camera).any():
+        return False
+    seen = grid.seen[grid.known]
+    return bool((seen < -1).all(0).any() or (seen > camera.size).all(0).any())
 
 
 def coordinates(
@@ -114,7 +127,7 @@ class Blocks:
     def enlarged(self, nodes: NDArray[np.float32]) -> NDArray[np.float32]:
         """Values at the nodes (h, w) as values of the region's pixels, bilinear."""
         large = cv2.resize(nodes, (self.outer.width, self.outer.height))
-        return np.ascontiguousarray(large[self.region.within(self.outer)], np.float32)
+        return np.asarray(large[self.region.within(self.outer)], np.float32)
 
 
 def blocks(camera: Camera, canvas: Canvas, region: Region) -> Blocks:

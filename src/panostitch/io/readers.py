@@ -176,11 +176,11 @@ def _reduction(size: tuple[int, int], scale: float) -> int:
 
 
 def _decode_jpeg(path: str, reduction: int) -> Pixels:
-    mode = REDUCED_MODES.get(reduction, cv2.IMREAD_COLOR) | cv2.IMREAD_IGNORE_ORIENTATION
+    mode = REDUCED_MODES.get(reduction, 0) & ~cv2.IMREAD_COLOR | cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
     pixels = cv2.imdecode(np.fromfile(path, np.uint8), mode)
     if pixels is None:
         raise InputError(f"{path}: broken: the file ends before the picture does", hint=COPY_ANEW)
-    return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB), np.uint8)
+    return np.asarray(pixels, np.uint8)
 
 
 def _from_pillow(image: Image.Image) -> tuple[Pixels, Pixels | None]:

@@ -92,7 +92,7 @@ class Rendering:
 
     def _made(self, region: Region) -> Samples:
         pixels, mask = read_tile(self.panorama, region, self.depth)
-        return pixels if self.channels == 3 else np.dstack([pixels, mask])
+        return pixels if self.channels == 3 else np.asarray(cv2.merge([pixels, mask]))
 
     def whole(self, channels: int) -> Pixels:
         """The whole picture (h, w, channels) of 8 bits; a fourth channel that it does not have means nothing."""
@@ -111,5 +111,7 @@ def read_tile(panorama: Panorama, region: Region, depth: int = 8) -> tuple[Sampl
     """RGB (h, w, 3) and coverage (h, w), 0 or white, of a region of the canvas; white is 255 or 65535."""
     layer, dtype = panorama.read(region), DTYPES[depth]
     white = np.iinfo(dtype).max
-    levels = layer.pixels if depth == 8 else layer.pixels * np.float32(257)
-    return np.rint(levels).clip(0, white).astype(dtype), layer.mask.astype(dtype) * dtype.type(white)
+    # OpenCV rounds half to even, as NumPy does, and cuts off what is beyond black and white, in one go
+    kind = cv2.CV_8U if depth == 8 else cv2.CV_16U
+    pixels = cv2.addWeighted(layer.pixels, white / 255, layer.pixels, 0, 0, dtype=kind)
+    return np.asarray(pixels, dtype), layer.mask.astype(dtype) * dtype.type(white)

@@ -20,7 +20,7 @@ def join(
         owns = np.zeros(composite.shape[:2], np.float32)
         owns[piece.place] = piece.owns
         weight = cv2.GaussianBlur(owns, (0, 0), SPREAD * factor)[piece.place] * piece.mask
-        total[piece.place] += piece.pixels * weight[..., None]
+        total[piece.place] += cv2.multiply(piece.pixels, cv2.merge([weight] * 3))
         weights[piece.place] += weight
     blended = total / np.maximum(weights, 1e-6)[..., None]
     return np.asarray(np.where((weights > 1e-3)[..., None], blended, composite), np.float32)

@@ -6,19 +6,21 @@ after the change has been added to the lowest level of each photo. Far from seam
 """
 
 from collections.abc import Sequence
+from itertools import combinations
 from math import floor, log2
 
 import cv2
 import numpy as np
 
-from panostitch.compositing.blend.pieces import Booleans, Floats, Labels, Piece, fill
-from panostitch.model.canvas import Canvas
+from panostitch.compositing.blend.bands import EVERYWHERE, HALO, Bands
+from panostitch.compositing.blend.pieces import Booleans, Floats, Labels, Piece, fill, only, put
+from panostitch.model.canvas import Canvas, Region
 
 # Repeated `pyrDown` smooths by a cubic B-spline. Weights at the reduced size are what it leaves of seams between whole
 # reduced pixels: the spline integrated over a pixel.
 REDUCED_KERNEL = np.array([1, 76, 230, 76, 1], np.float32) / np.float32(384)
 COARSEST = 4  # the lowest band of the smallest photo is this many pixels wide
-HALO = 3  # times 2^levels: what lies farther away changes a pixel by less than 0.0001 of a grey level
+ENLARGING = 2  # times 2^levels: how far a change that is enlarged looks
 
 
 def blend_reduced(
@@ -31,13 +33,14 @@ def blend_reduced(
     fine = _fine(factor)
     if levels is not None and levels < fine:
         return None
-    bands = _Bands(composite.shape[:2], _widest(pieces) if levels is None else levels - fine, wraps=canvas.wraps)
+    bands = Bands(composite.shape[:2], _widest(pieces) if levels is None else levels - fine, wraps=canvas.wraps)
     others, shared = _others(pieces, labels, composite)
     for photo in sorted({piece.photo for piece in pieces}):
         owns = np.asarray(labels == photo)
         if owns.any():
             own = [piece for piece in pieces if piece.photo == photo]
-            around = np.where(owns[..., None], others, composite)
+            around = composite.copy()
+            put(around, others, owns)
             pixels = _continued(own, around, shared | ~owns)
             weight = np.asarray(owns, np.float32)
             bands.add(pixels, _smoothed(weight) if factor > 1 else weight)
@@ -65,7 +68,7 @@ def _others(pieces: Sequence[Piece], labels: Labels, composite: Floats) -> tuple
     picture, shared = composite.copy(), np.zeros(labels.shape, bool)
     for piece in pieces:
         seen = piece.mask & (labels[piece.place] != piece.photo) & ~shared[piece.place]
-        np.copyto(picture[piece.place], piece.pixels, where=seen[..., None])
+        put(picture[piece.place], piece.pixels, seen)
         shared[piece.place] |= seen
     return picture, shared
 
@@ -73,17 +76,49 @@ def _others(pieces: Sequence[Piece], labels: Labels, composite: Floats) -> tuple
 def join(
     pieces: Sequence[Piece], changes: Sequence[Floats], composite: Floats, factor: int, levels: int | None
 ) -> Floats:
-    """Fine bands of a tile (h, w, 3) over the blended low ones; its sides must be multiples of the factor."""
+    """Fine bands of a tile (h, w, 3) over the blended low ones; its sides and places are multiples of the factor.
+
+    A piece must reach as far around what it owns as its bands do. Where there is but one, all its bands add up to
+    itself: they are made only around the seams.
+    """
     fine = _fine(factor)
-    owners = [(piece, change) for piece, change in zip(pieces, changes, strict=True) if piece.owns.any()]
-    if len(owners) == 1:
-        return composite + _enlarged(owners[0][1], fine)
+    for piece, change in zip(pieces, changes, strict=True):
+        put(composite[piece.place], alone(piece.pixels, change, factor), piece.owns)
+    places = [_region(piece.place) for piece in pieces]
+    shared = _around([a & b for a, b in combinations(places, 2)])
+    if not shared:
+        return composite
+    whole = Region(0, 0, *composite.shape[1::-1])
+    around = shared.grown(ENLARGING * factor) & whole
     depth = fine if levels is None else min(levels, fine)
-    bands = _Bands(composite.shape[:2], depth, wraps=False)
-    for piece, change in owners:
-        # with fewer bands nothing was blended on the reduced canvas
-        bands.add(piece.pixels, np.asarray(piece.owns, np.float32), change if depth == fine else None)
-    return bands.collapse()
+    bands = Bands((around.height, around.width), depth, wraps=False)
+    for piece, place, change in zip(pieces, places, changes, strict=True):
+        part = place & around
+        if part:
+            own = part.within(place)
+            # with fewer bands nothing was blended on the reduced canvas
+            low = change[part.divided(factor).within(place.divided(factor))] if depth == fine else None
+            bands.add(piece.pixels[own], np.asarray(piece.owns[own], np.float32), low, part.within(around))
+    composite[shared.within(whole)] = bands.collapse()[shared.within(around)]
+    return composite
+
+
+def alone(pixels: Floats, change: Floats, factor: int, place: tuple[slice, slice] = EVERYWHERE) -> Floats:
+    """Pixels (h, w, 3) of a photo far from seams; the change covers the tile of which they are a place."""
+    return np.asarray(cv2.add(pixels, _enlarged(change, _fine(factor))[place]), np.float32)
+
+
+def _region(place: tuple[slice, slice]) -> Region:
+    rows, columns = place
+    return Region(columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start)
+
+
+def _around(regions: Sequence[Region]) -> Region:
+    """The smallest region that holds all these; empty where all of them are."""
+    found = [region for region in regions if region]
+    x, y = (min((getattr(region, side) for region in found), default=0) for side in ("x", "y"))
+    right, bottom = (max((getattr(region, side) for region in found), default=0) for side in ("right", "bottom"))
+    return Region(x, y, right - x, bottom - y)
 
 
 def _enlarged(change: Floats, levels: int) -> Floats:
@@ -112,69 +147,13 @@ def _continued(own: Sequence[Piece], around: Floats, comparable: Booleans) -> Fl
     """
     pixels, shown = np.zeros_like(around), np.zeros(around.shape[:2], bool)
     for piece in own:
-        pixels[piece.place][piece.mask] = piece.pixels[piece.mask]
+        put(pixels[piece.place], piece.pixels, piece.mask)
         shown[piece.place] |= piece.mask
     known = shown & comparable
-    difference = np.where(known[..., None], pixels - around, np.float32(0))
+    difference = only(pixels - around, known)
     half = around.shape[1] // 2 if len(own) > 1 else 0
     # a photo that touches the left and the right edge of a closed turn goes on at the far side of the turn
     extended = np.roll(fill(np.roll(difference, half, axis=1), np.roll(known, half, axis=1)), -half, axis=1)
-    return np.asarray(np.where(shown[..., None], pixels, around + extended), np.float32)
-
-
-class _Bands:
-    """The sum over photos of weight times Laplacian band, fine to coarse and last the low-pass."""
-
-    def __init__(self, shape: tuple[int, ...], levels: int, *, wraps: bool) -> None:
-        height, width = shape
-        step = 1 << levels
-        margin = min(HALO * step, width) if wraps else 0
-        self._wraps = wraps
-        self._inner = (slice(0, height), slice(margin, margin + width))
-        self._frame = ((0, -height % step), (margin, -(width + 2 * margin) % step + margin))
-        self._sum: list[Floats] = []
-        self._levels = levels
-
-    def add(self, photo: Floats, weight: Floats, change: Floats | None = None) -> None:
-        """Add a photo (h, w, 3) with its weights (h, w); the weights of all photos sum to one.
-
-        `change` is added to the photo's lowest level, whose size it has.
-        """
-        bands = _weighted_bands(
-            _framed(photo, self._frame, wraps=self._wraps),
-            _framed(weight, self._frame, wraps=self._wraps),
-            self._levels,
-            change,
-        )
-        for level, band in enumerate(bands):
-            if level == len(self._sum):
-                self._sum.append(band)
-            else:
-                self._sum[level] += band
-
-    def collapse(self) -> Floats:
-        """The blended picture (h, w, 3)."""
-        whole = self._sum[-1]
-        for band in reversed(self._sum[:-1]):
-            whole = cv2.pyrUp(whole, dstsize=band.shape[1::-1]) + band
-        return np.asarray(whole[self._inner], np.float32)
-
-
-def _framed(array: Floats, frame: tuple[tuple[int, int], tuple[int, int]], *, wraps: bool) -> Floats:
-    """The array with a margin: the other side's columns where it wraps, its own edge elsewhere."""
-    if not any(map(any, frame)):
-        return array
-    rest = ((0, 0),) * (array.ndim - 2)
-    framed = np.pad(array, ((0, 0), frame[1], *rest), mode="wrap" if wraps else "edge")
-    return np.asarray(np.pad(framed, (frame[0], (0, 0), *rest), mode="edge"), np.float32)
-
-
-def _weighted_bands(photo: Floats, weight: Floats, levels: int, change: Floats | None) -> list[Floats]:
-    """Laplacian bands of a photo, fine to coarse and last the low-pass, each times the weight of its level."""
-    bands = []
-    for _ in range(levels):
-        smaller = cv2.pyrDown(photo)
-        bands.append((photo - cv2.pyrUp(smaller, dstsize=photo.shape[1::-1])) * weight[..., None])
-        photo, weight = np.asarray(smaller, np.float32), np.asarray(cv2.pyrDown(weight), np.float32)
-    bands.append((photo if change is None else photo + change) * weight[..., None])
-    return [np.asarray(band, np.float32) for band in bands]
+    continued = around + extended
+    put(continued, pixels, shown)
+    return continued

@@ -36,22 +36,36 @@ class Piece:
 # the reduction and the number of bands (None: by the photos) to the blended picture (h, w, 3); None where a blender
 # does nothing there.
 BlendReduced = Callable[[Sequence[Piece], Labels, Floats, Canvas, int, int | None], Floats | None]
-# From the pieces of a tile, the change (h / factor, w / factor, 3) of each, the hard composite (h, w, 3), the factor
-# and the number of bands to the pixels (h, w, 3). Change (i, j) belongs to the tile's pixel (factor i, factor j), as
-# in `cv2.pyrDown`.
+# From the pieces of a tile, the change (h / factor, w / factor, 3) of each on its place, the hard composite (h, w, 3),
+# which may be overwritten, the factor and the number of bands to the pixels (h, w, 3) where an owner covers them.
+# Change (i, j) belongs to the piece's pixel (factor i, factor j), as in `cv2.pyrDown`.
 Join = Callable[[Sequence[Piece], Sequence[Floats], Floats, int, int | None], Floats]
+
+# The same for the pixels of a photo that is the only one in the tile: its pixels, its change on the whole tile, the
+# factor, and the place of the tile where the pixels are.
+Alone = Callable[[Floats, Floats, int, tuple[slice, slice]], Floats]
 
 
 def hard_composite(pieces: Sequence[Piece], shape: tuple[int, int]) -> tuple[Floats, Booleans]:
-    """Each pixel (h, w, 3) from its owner, and where the owner covers it; uncovered pixels are filled smoothly."""
-    if len(pieces) == 1 and pieces[0].mask.shape == shape and pieces[0].mask.all():
-        return pieces[0].pixels, pieces[0].mask
+    """Each pixel (h, w, 3) from its owner, 0 where the owner does not cover it, and where it does."""
     picture, covered = np.zeros((*shape, 3), np.float32), np.zeros(shape, bool)
     for piece in pieces:
         shown = piece.owns & piece.mask
-        np.copyto(picture[piece.place], piece.pixels, where=shown[..., None])
+        put(picture[piece.place], piece.pixels, shown)
         covered[piece.place] |= shown
-    return (picture if covered.all() else fill(picture, covered)), covered
+    return picture, covered
+
+
+def put(picture: Floats, pixels: Floats, where: Booleans) -> None:
+    """Write some of the pixels (h, w, 3) into a picture, which may be a part of an array; NumPy is slow at that."""
+    cv2.copyTo(pixels, where.view(np.uint8), picture)
+
+
+def only(pixels: Floats, where: Booleans) -> Floats:
+    """Some of the pixels (h, w, 3), and 0 elsewhere."""
+    picture = np.zeros_like(pixels)
+    put(picture, pixels, where)
+    return picture
 
 
 def fill(picture: Floats, known: Booleans) -> Floats:
@@ -65,8 +79,9 @@ def fill(picture: Floats, known: Booleans) -> Floats:
     size = ((width + 1) // 2, (height + 1) // 2)
     weight = known.astype(np.float32)
     small_weight = cv2.resize(weight, size, interpolation=cv2.INTER_AREA)
-    small = cv2.resize(picture * weight[..., None], size, interpolation=cv2.INTER_AREA)
-    means = np.asarray(small / np.maximum(small_weight, 1e-6)[..., None], np.float32)
+    small = cv2.resize(only(picture, known), size, interpolation=cv2.INTER_AREA)
+    means = np.asarray(small / cv2.merge([np.maximum(small_weight, 1e-6)] * 3), np.float32)
     filled = fill(means, np.asarray(small_weight > 1e-6))
-    enlarged = cv2.resize(filled, (width, height), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(np.where(known[..., None], picture, enlarged), np.float32)
+    enlarged = np.asarray(cv2.resize(filled, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
+    put(enlarged, picture, known)
+    return enlarged
