@@ -173,6 +173,14 @@ def test_white_stays_white_and_what_gets_too_bright_keeps_its_hue():
     np.testing.assert_allclose(brighter[0], [[255, 255, 255], [240, 120, 60], [255, 127.5, 25.5]], rtol=1e-6)
 
 
+def test_a_sky_that_is_burnt_in_blue_alone_stays_blue():
+    sky, cloud = [111, 197, 255], [190, 255, 255]
+
+    darker = expose(np.array([[sky, cloud]], np.float32), np.full(3, 0.8, np.float32))
+
+    np.testing.assert_allclose(darker[0], [[88.8, 157.6, 255], cloud], rtol=1e-5)
+
+
 def test_light_keeps_the_whole_as_bright_as_it_was(scene, cameras):
     alignment = photos_of(scene, cameras)
     light = light_of(alignment)

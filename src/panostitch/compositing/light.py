@@ -13,7 +13,7 @@ from panostitch.model.light import Light, radius_square
 Floats = NDArray[np.float32]
 
 WHITE = np.float32(255)
-BURNT = np.float32(235)  # grey levels of the darkest channel from which on a pixel is on its way to white
+BURNT = np.float32(240)  # grey levels from which on a channel is on its way to white
 FARTHEST = 2.0  # square of a radius: coordinates go on beyond the photo, where the fall-off means nothing
 
 
@@ -39,14 +39,13 @@ def with_fall_off(light: Light, photo: int, square: NDArray[np.float64]) -> Floa
 def expose(pixels: Floats, factor: Floats) -> Floats:
     """Pixels (h, w, 3) in 0..255 times a factor (3,) or (h, w, 3).
 
-    What would be brighter than white keeps its hue. What is white may have been any brighter, and stays white.
+    What would be brighter than white keeps its hue. What is burnt may have been any brighter, and stays.
     """
     if factor.ndim == 1 and (factor == 1).all():
         return pixels
     exposed = _times(pixels, factor)
-    changes_white = factor.ndim > 1 or factor.min() < 1 or np.ptp(factor) > 0
-    if changes_white and pixels.max(initial=0) > BURNT:
-        _keep_white(pixels, exposed)
+    if (factor.ndim > 1 or factor.min() < 1) and pixels.max(initial=0) > BURNT:
+        _keep_burnt(pixels, exposed)
     if exposed.max(initial=0) > WHITE:
         _keep_hue(exposed)
     return exposed
@@ -60,13 +59,16 @@ def _times(pixels: Floats, factor: Floats) -> Floats:
     return np.asarray(cv2.transform(pixels, np.diag(factor)), np.float32)
 
 
-def _keep_white(pixels: Floats, exposed: Floats) -> None:
-    white = all_channels(pixels > BURNT)
-    if white.any():
-        before, own = pixels[white], exposed[white]
-        share = ((before.min(1) - BURNT) / (WHITE - BURNT)) ** 2
-        level = np.maximum(own.max(1), before.max(1))
-        exposed[white] = own + (level[:, None] - own) * share[:, None]
+def _keep_burnt(pixels: Floats, exposed: Floats) -> None:
+    """A burnt channel may have been any brighter and stays as it is; with two of them the third does too.
+
+    Were it to follow the others, a blue sky that is burnt in blue alone would turn green, and white would turn grey.
+    """
+    bright = ~all_channels(pixels <= BURNT)
+    before, own = pixels[bright], exposed[bright]
+    share = (np.maximum(before - BURNT, 0) / (WHITE - BURNT)) ** 2
+    share = np.maximum(share, np.sort(share, axis=1)[:, 1:2])
+    exposed[bright] = own + (np.maximum(before, own) - own) * share
 
 
 def _keep_hue(exposed: Floats) -> None:
