@@ -10,6 +10,7 @@ robust elastic warping", 2018; lines: Zhang et al., "Multi-viewpoint panorama co
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,26 +72,38 @@ def _solved(
     meshes = [flat_mesh(camera.size, cells) for camera in cameras]
     prior = block_diag([_prior(mesh, lines[n], stiffness) for n, mesh in enumerate(meshes)], format="csr")
     places = [(pair.points.xy_i, pair.points.xy_j) for pair in pairs]
-    factors, solution, scale = None, np.zeros(prior.shape[0]), 0.0
+    nearly, solution, scale = None, np.zeros(prior.shape[0]), 0.0
     for _ in range(ROUNDS if pairs else 0):
         rows, target = _equations(cameras, meshes, pairs, places)
         weight, scale = _weights(target - rows @ solution, least=scale / NARROWER)
         weighted = rows.T @ diags_array(weight)
-        if factors is None:
-            normal = csc_array(weighted @ rows + prior)
-            factors = splu(normal, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-            solution = factors.solve(weighted @ target)
-        else:
-            # only the weights change from round to round: the factors of the first precondition the others well
-            normal = LinearOperator(
-                prior.shape, lambda x, w=weighted, r=rows: w @ (r @ x) + prior @ x, dtype=np.float64
-            )
-            nearly = LinearOperator(prior.shape, factors.solve, dtype=np.float64)
-            solution, _ = cg(normal, weighted @ target, x0=solution, rtol=EXACT, maxiter=MOST_STEPS, M=nearly)
+        normal = LinearOperator(prior.shape, lambda x, w=weighted, r=rows: w @ (r @ x) + prior @ x, dtype=np.float64)
+        # only the weights change from round to round: what helped in the first helps in the others
+        nearly = nearly or _each_alone(meshes, rows, weight, prior)
+        solution, _ = cg(normal, weighted @ target, x0=solution, rtol=EXACT, maxiter=MOST_STEPS, M=nearly)
         meshes = _displaced(meshes, solution)
         solution = np.concatenate([mesh.nodes.transpose(2, 0, 1).ravel() for mesh in meshes])
         places = [_straightened(meshes, pair.points, *place) for pair, place in zip(pairs, places, strict=True)]
     return tuple(replace(camera, mesh=mesh) for camera, mesh in zip(cameras, meshes, strict=True))
+
+
+def _each_alone(meshes: Sequence[Mesh], rows: csr_array, weight: Floats, prior: csr_array) -> LinearOperator:
+    """The solution if the other photos stood still, for each photo: block Jacobi, to precondition with.
+
+    The factors of all photos together fill up, where many lie over one place, and take most of the time.
+    """
+    columns, scaled = csc_array(rows), csc_array(diags_array(weight) @ rows)
+    ends = np.cumsum([0, *(mesh.nodes.size for mesh in meshes)])
+    places = [slice(first, behind) for first, behind in pairwise(ends)]
+    alone = [
+        splu(csc_array(columns[:, own].T @ scaled[:, own] + prior[own, own]), permc_spec="MMD_AT_PLUS_A")
+        for own in places
+    ]
+
+    def solve(x: Floats) -> Floats:
+        return np.concatenate([factors.solve(x[own]) for factors, own in zip(alone, places, strict=True)])
+
+    return LinearOperator(prior.shape, solve, dtype=np.float64)
 
 
 def _straightened(meshes: Sequence[Mesh], points: ControlPoints, q_i: Floats, q_j: Floats) -> tuple[Floats, Floats]:
