@@ -3,8 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO := .demo
-# a process for each core; threads of small matrix products would only wait for each other
-PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto
+# a process for each core, and all tests of a file in one of them, for they share photos; threads of small matrix products would only wait for each other
+PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
 PHOTOS ?= samples/hall samples/poster
 
 .DEFAULT_GOAL := help

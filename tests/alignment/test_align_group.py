@@ -45,7 +45,9 @@ def row(count=5, step=22.0, **lens):
 
 
 def aligned(cameras, links, photos=None, **options):
-    return align_group(photos or blank_photos(cameras), links, AlignmentOptions(**options), pixel_size=1.0)
+    return align_group(
+        photos or blank_photos(cameras), links, AlignmentOptions(**{"local_warp": "none", **options}), pixel_size=1.0
+    )
 
 
 def turn_errors(true, found):

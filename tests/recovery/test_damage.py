@@ -11,7 +11,7 @@ import pytest
 from panostitch import features, matching, recognition
 from panostitch.alignment import refine, registration, residuals
 from panostitch.compositing import exposure, lay_out, make_plan, warp
-from panostitch.compositing.blend import multiband
+from panostitch.compositing.blend import bands
 from panostitch.errors import AlignmentError, NoOverlapError
 from panostitch.geometry import lens
 from panostitch.matching import ratio
@@ -245,25 +245,25 @@ def test_damaged_gains(small, monkeypatch, damage):
 
 @pytest.mark.parametrize("share", [0.9, 1.1])
 def test_blend_weights_that_do_not_sum_to_one(small, monkeypatch, share):
-    healthy = multiband._Bands.add
+    healthy = bands.Bands.add
     monkeypatch.setattr(
-        multiband._Bands,
+        bands.Bands,
         "add",
-        lambda self, photo, weight, *rest: healthy(self, photo, weight * np.float32(share), *rest),
+        lambda self, photo, weight, *rest, **more: healthy(self, photo, weight * np.float32(share), *rest, **more),
     )
 
     assert view_error(small) > VIEW_LEVELS
 
 
 def test_a_photo_missing_from_the_blend(small, monkeypatch):
-    healthy = multiband._Bands.add
+    healthy = bands.Bands.add
     seen = []
 
-    def forgetful(self, *photo):
+    def forgetful(self, *photo, **more):
         seen.append(1)
         if len(seen) != 2:
-            healthy(self, *photo)
+            healthy(self, *photo, **more)
 
-    monkeypatch.setattr(multiband._Bands, "add", forgetful)
+    monkeypatch.setattr(bands.Bands, "add", forgetful)
 
     assert view_error(small) > VIEW_LEVELS
