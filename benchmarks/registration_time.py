@@ -7,7 +7,8 @@ seconds.
 The photos of a folder are registered by one program after the other, and that as often as --repeat says (A B C A B C),
 each time in a process of its own; medians count. From opening the first photo to the last camera:
 
-panostitch    `pipeline.align` with the default options, OpenBLAS on one thread as the command line sets it
+panostitch    `pipeline.align` with the default options but without meshes (`--local-warp none`), which come after the
+              last camera and which the others do not have; OpenBLAS on one thread as the command line sets it
 cv2.Stitcher  reading the photos and `estimateTransform`, as it comes but without OpenCL
 Hugin         cpfind --multirow, cpclean, autooptimiser -a -m -l -s, where they are installed; pto_gen is not counted
 
@@ -48,6 +49,7 @@ from panostitch.synthetic.render import ArraySource
 
 Result = TypeVar("Result")
 
+OPTIONS = Options.of(local_warp="none")
 BLANK = (320, 240)  # px of the photos to warm up on
 KEY_POINTS, MATCHING, CAMERAS, CONTROL_POINTS = STAGES = ("key points", "matching", "cameras", "control points")
 LABELS = {"Finding key points": KEY_POINTS, "Measuring control points": CONTROL_POINTS}  # of what the executor runs
@@ -134,11 +136,11 @@ class Stages:
 
 def ours(folder: str, threads: int) -> Run:
     """The first half of panostitch."""
-    warm_up(lambda: pipeline.align(blank_photos(), Options(), run=Executor(threads)))
+    warm_up(lambda: pipeline.align(blank_photos(), OPTIONS, run=Executor(threads)))
     start, stages = Seconds.now(), Stages()
     photos, _ = open_photos(photos_in(folder))
     try:
-        alignment = pipeline.align(photos, Options(), run=Executor(threads, stages.progress), trace=stages.trace)
+        alignment = pipeline.align(photos, OPTIONS, run=Executor(threads, stages.progress), trace=stages.trace)
         included, status = len(alignment.photos), DONE
     except PanostitchError as error:
         included, status = 0, error.message
@@ -293,7 +295,8 @@ def header(repeat: str, threads: int) -> str:
 
 Seconds from opening the photos to the last camera, nothing of the panorama; the runs of the programs ({repeat} of each,
 the median counts) take turns, each in a process of its own with {threads} threads. {OURS} with its default options,
-which measure control points on the full photos; cv2.Stitcher's `estimateTransform` with the reading of the photos,
+which measure control points on the full photos, but without meshes (`--local-warp none`);
+cv2.Stitcher's `estimateTransform` with the reading of the photos,
 without OpenCL; Hugin's cpfind --multirow, cpclean and autooptimiser -a -m -l -s. Imports are not counted, nor is
 pto_gen; the first two have warmed up on two blank photos. Seconds on the clock depend on what else the machine is
 doing, CPU seconds (user and system) much less. Ratios: {OURS} over the other program, which has had less to do
