@@ -6,7 +6,7 @@ Two scenes, photographed anew: a closed ring of twelve photos and a row of eight
 megapixels with grain. Each program runs in a process of its own, from the photos to a JPEG of full size, and that as
 often as --repeat says, in turns; medians count. Ratios of CPU time (user and system) depend little on the machine.
 
-panostitch    the command line as it comes, with --no-crop for the same picture as the others
+panostitch    the command line as it comes, but with `--crop none`: cv2.Stitcher does not crop either
   align       its first half alone
   render      its second half alone
 cv2.Stitcher  reading, `stitch` in PANORAMA mode as it comes, writing
