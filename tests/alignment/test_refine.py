@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from alignment.planted import common_points
+from panostitch.alignment.pictures import pictures_of
 from panostitch.alignment.refine import refined
 from panostitch.model.match import ControlPoints
 from panostitch.model.photo import Photo
@@ -39,7 +40,7 @@ def errors_of(cameras, points):
 def test_every_pair_becomes_exact(three, rng):
     cameras, photos, points = three
 
-    found = refined(photos, cameras, moved(points, 1.0, rng), pixel_size=1.0, run=serial)
+    found = refined(pictures_of(photos), cameras, moved(points, 1.0, rng), pixel_size=1.0, run=serial)
 
     assert [(pair.i, pair.j) for pair in found] == [(0, 1), (1, 2)]
     for pair in found:
@@ -51,8 +52,8 @@ def test_far_off_key_points_of_large_photos(three, rng):
     """Where working pixels are large, reduced photos tell where to begin."""
     cameras, photos, points = three
 
-    near = refined(photos, cameras, moved(points, 1.0, rng), pixel_size=1.0, run=serial)
-    far = refined(photos, cameras, moved(points, 10.0, rng), pixel_size=9.0, run=serial)
+    near = refined(pictures_of(photos), cameras, moved(points, 1.0, rng), pixel_size=1.0, run=serial)
+    far = refined(pictures_of(photos), cameras, moved(points, 10.0, rng), pixel_size=9.0, run=serial)
 
     for pair, known in zip(far, near, strict=True):
         assert len(pair) > 0.7 * len(known)
@@ -64,7 +65,7 @@ def test_a_pair_that_shows_nothing_keeps_its_key_points(three, rng):
     grey = Photo("grey", photos[2].size, ArraySource(np.full((360, 480, 3), 99, np.uint8)))
     given = moved(points, 1.0, rng)
 
-    found = refined([photos[0], photos[1], grey], cameras, given, pixel_size=1.0, run=serial)
+    found = refined(pictures_of([photos[0], photos[1], grey]), cameras, given, pixel_size=1.0, run=serial)
 
     assert np.median(errors_of(cameras, found[0])) < EXACT
     assert found[1] is given[1]
@@ -76,7 +77,7 @@ def test_points_that_would_run_away_are_left_out(three, rng):
     lost = np.arange(len(given)) % 3 == 0
     given.xy_j[lost] += [4.0, 0.0]
 
-    (found,) = refined(photos, cameras, [given], pixel_size=1.0, run=serial)
+    (found,) = refined(pictures_of(photos), cameras, [given], pixel_size=1.0, run=serial)
 
     assert errors_of(cameras, found).max() < 1
     assert len(found) <= (~lost).sum()
@@ -86,8 +87,8 @@ def test_the_number_of_threads_changes_nothing(three, rng):
     cameras, photos, points = three
     given = moved(points, 1.0, rng)
 
-    one = refined(photos, cameras, given, pixel_size=1.0, run=serial)
-    many = refined(photos, cameras, given, pixel_size=1.0, run=Executor(4))
+    one = refined(pictures_of(photos), cameras, given, pixel_size=1.0, run=serial)
+    many = refined(pictures_of(photos), cameras, given, pixel_size=1.0, run=Executor(4))
 
     for a, b in zip(one, many, strict=True):
         np.testing.assert_array_equal(a.xy_i, b.xy_i)

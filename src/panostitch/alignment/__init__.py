@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from panostitch.alignment.bundle import standard_errors
+from panostitch.alignment.distances import rms
 from panostitch.alignment.elastic import elastic
 from panostitch.alignment.fit import (
     Fit,
@@ -27,6 +28,7 @@ from panostitch.alignment.model_choice import (
     flat_parameters,
     flat_to_try,
 )
+from panostitch.alignment.pictures import Pictures, pictures_of
 from panostitch.alignment.refine import refined
 from panostitch.alignment.residuals import thinned
 from panostitch.alignment.straighten import straighten
@@ -69,7 +71,8 @@ def align_group(
     cannot be read any more.
     """
     rough, choice = _rough(photos, links, options, pixel_size)
-    points = _control_points(photos, rough, options, pixel_size, run)
+    pictures = pictures_of(photos)
+    points = _control_points(pictures, rough, options, pixel_size, run)
     used, held = _split(points)
     fit = refitted(rough, photos, used)
     used, held = pruned(fit, used, used), pruned(fit, held, used)
@@ -87,13 +90,15 @@ def align_group(
     trace("alignment.solved", alignment=alignment, residuals={"rms": alignment.rms, "p95": alignment.p95})
     if options.local_warp == "none" or np.percentile(solved.errors(points), 90) < SHOWS:
         return alignment
-    return _bent(alignment, points, run, trace)
+    return _bent(alignment, pictures, points, run, trace)
 
 
-def _bent(alignment: Alignment, points: Sequence[ControlPoints], run: Executor, trace: Trace) -> Alignment:
+def _bent(
+    alignment: Alignment, pictures: Pictures, points: Sequence[ControlPoints], run: Executor, trace: Trace
+) -> Alignment:
     """The alignment with a mesh for each photo where that helps. The control points are all there are: those that
     were pruned may be the ones that show parallax."""
-    cameras, warp = elastic(alignment.photos, alignment.cameras, points, run=run)
+    cameras, warp = elastic(pictures, alignment.cameras, points, run=run)
     bent = replace(alignment, cameras=cameras if warp.used else alignment.cameras, local_warp=warp)
     trace("alignment.bent", alignment=bent)
     return bent
@@ -115,10 +120,10 @@ def _described(
         fit.cameras,
         links=tuple(_summary(fit, pair) for pair in points),
         left_out=(),
-        rms=_rms(errors),
+        rms=rms(errors),
         p95=_p95(errors),
         control_points=tuple(points),
-        held_back_rms=None if judged is None else _rms(judged),
+        held_back_rms=None if judged is None else rms(judged),
         held_back_p95=None if judged is None else _p95(judged),
         uncertainties=_uncertainties(fit, used),
     )
@@ -151,9 +156,9 @@ def _rough(
     judges = [link for link in links if (link.i, link.j) in kept]
     choice = choose([_candidate(fit, judges, scale) for fit in tried], pixel_size=pixel_size)
     fit = next(fit for fit in tried if fit.model == choice.model)
-    rms = _rms(fit.errors([thinned(link) for link in fit.links]))
-    if not rms <= MAX_RMS * pixel_size:
-        raise _failure(photos, rms, pixel_size)
+    error = rms(fit.errors([thinned(link) for link in fit.links]))
+    if not error <= MAX_RMS * pixel_size:
+        raise _failure(photos, error, pixel_size)
     return fit, choice
 
 
@@ -169,15 +174,15 @@ def _candidate(fit: Fit, links: Sequence[VerifiedMatch], scale: float) -> Candid
 
 
 def _control_points(
-    photos: Sequence[Photo], fit: Fit, options: AlignmentOptions, pixel_size: float, run: Executor
+    pictures: Pictures, fit: Fit, options: AlignmentOptions, pixel_size: float, run: Executor
 ) -> list[ControlPoints]:
     """What the cameras are finally adjusted to, pair by pair."""
     if options.refine == "none":
         return [thinned(link) for link in fit.links]
-    share = POINTS_PER_PHOTO * len(photos) // (2 * len(fit.links))
+    share = POINTS_PER_PHOTO * len(fit.cameras) // (2 * len(fit.links))
     count = int(np.clip(share, FEWEST_POINTS, MOST_POINTS))
     points = [thinned(link, count) for link in fit.links]
-    return refined(photos, fit.cameras, points, pixel_size=pixel_size, run=run)
+    return refined(pictures, fit.cameras, points, pixel_size=pixel_size, run=run)
 
 
 def _split(points: Sequence[ControlPoints]) -> tuple[list[ControlPoints], list[ControlPoints]]:
@@ -204,21 +209,17 @@ def _together(used: Sequence[ControlPoints], held: Sequence[ControlPoints]) -> l
     return [pair.joined(aside[pair.i, pair.j]) if (pair.i, pair.j) in aside else pair for pair in used]
 
 
-def _failure(photos: Sequence[Photo], rms: float, pixel_size: float) -> AlignmentError:
+def _failure(photos: Sequence[Photo], error: float, pixel_size: float) -> AlignmentError:
     names = ", ".join(photo.name for photo in photos[:4]) + (", ..." if len(photos) > 4 else "")
     return AlignmentError(
         f"{names}: the photos match, but no cameras explain the matches",
-        details=(f"they are {rms / pixel_size:.0f} working pixels off; {MAX_RMS:.0f} is the most that is taken",),
+        details=(f"they are {error / pixel_size:.0f} working pixels off; {MAX_RMS:.0f} is the most that is taken",),
         hint="was the camera moved sideways between photos? Try --model homography, or fewer photos",
     )
 
 
 def _summary(fit: Fit, points: ControlPoints) -> LinkSummary:
-    return LinkSummary(points.i, points.j, len(points), _rms(fit.errors([points])))
-
-
-def _rms(errors: Floats) -> float:
-    return float(np.sqrt((errors**2).mean()))
+    return LinkSummary(points.i, points.j, len(points), rms(fit.errors([points])))
 
 
 def _p95(errors: Floats) -> float:

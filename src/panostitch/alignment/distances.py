@@ -13,6 +13,11 @@ from panostitch.model.match import ControlPoints
 Floats = NDArray[np.float64]
 
 
+def rms(errors: Floats) -> float:
+    """Root mean square of errors (n,)."""
+    return float(np.sqrt((errors**2).mean()))
+
+
 def distances(cameras: Sequence[Camera], points: Sequence[ControlPoints]) -> list[Floats]:
     """Distance (n,) px in photo j of the control points of each pair; BEHIND where photo j does not see them."""
     counts = [len(pair) for pair in points]

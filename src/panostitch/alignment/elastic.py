@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from panostitch.alignment.distances import rms
 from panostitch.alignment.elastic_system import errors, with_meshes
-from panostitch.alignment.pictures import Pictures, pictures_of
+from panostitch.alignment.pictures import Pictures
 from panostitch.alignment.refine import measured
 from panostitch.alignment.registration import BORDER, HALF
 from panostitch.alignment.straight_lines import straight_lines
@@ -47,10 +48,10 @@ HELD_BACK = 5  # of so many of which one is held back
 
 
 def elastic(
-    photos: Sequence[Photo], cameras: Sequence[Camera], points: Sequence[ControlPoints], *, run: Executor
+    pictures: Pictures, cameras: Sequence[Camera], points: Sequence[ControlPoints], *, run: Executor
 ) -> tuple[tuple[Camera, ...], LocalWarp]:
     """The cameras with meshes, and what these gain. Raises InputError where a photo cannot be read."""
-    pictures = pictures_of(photos)
+    photos = pictures.photos
     lines = list(run.map(partial(straight_lines, pictures), range(len(photos)), label="Finding straight lines"))
     blocks = int(np.clip(BLOCKS * len(photos) / (2 * len(points)), FEWEST_BLOCKS, BLOCKS))
     known = [agreeing(cameras, pair) for pair in points]
@@ -144,10 +145,10 @@ def _judged(cameras: Sequence[Camera], bent: Sequence[Camera], held: Sequence[Co
     before, after = (_lengths(some, held) for some in (cameras, bent))
     if not len(before):
         return LocalWarp(False, 0, 0.0, 0.0, 0.0, 0.0)
-    rms, bent_rms = _rms(before), _rms(after)
+    error, bent_error = rms(before), rms(after)
     median, bent_median = float(np.median(before)), float(np.median(after))
-    clear = bent_rms < CLEARLY * rms and rms - bent_rms > NOTICEABLE and bent_median < CLEARLY * median
-    return LocalWarp(clear and len(before) >= FEWEST_JUDGES, len(before), rms, median, bent_rms, bent_median)
+    clear = bent_error < CLEARLY * error and error - bent_error > NOTICEABLE and bent_median < CLEARLY * median
+    return LocalWarp(clear and len(before) >= FEWEST_JUDGES, len(before), error, median, bent_error, bent_median)
 
 
 def _hopeless(warp: LocalWarp) -> bool:
@@ -157,7 +158,3 @@ def _hopeless(warp: LocalWarp) -> bool:
 
 def _lengths(cameras: Sequence[Camera], points: Sequence[ControlPoints]) -> Floats:
     return np.concatenate([np.linalg.norm(errors(cameras, pair), axis=1) for pair in points] or [np.zeros(0)])
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt((values**2).mean()))

@@ -10,12 +10,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from panostitch.alignment.pictures import Pictures, pictures_of
+from panostitch.alignment.pictures import Pictures
 from panostitch.alignment.registration import measured_again
 from panostitch.geometry.sampling import rescale
 from panostitch.model.camera import Camera
 from panostitch.model.match import ControlPoints
-from panostitch.model.photo import Photo
 from panostitch.runtime.executor import Executor
 
 REACH = 8.0  # px in a working pixel up to which key points are near enough for a search on the full photos
@@ -24,7 +23,7 @@ FEWEST = 8  # points of a pair; with fewer, the key points stay
 
 
 def refined(
-    photos: Sequence[Photo],
+    pictures: Pictures,
     cameras: Sequence[Camera],
     points: Sequence[ControlPoints],
     *,
@@ -35,7 +34,7 @@ def refined(
 
     `pixel_size` is the size of a working pixel in px of the photos. Raises InputError where a photo cannot be read.
     """
-    work = partial(_pair, pictures_of(photos), cameras, pixel_size=pixel_size)
+    work = partial(_pair, pictures, cameras, pixel_size=pixel_size)
     return list(run.map(work, points, label="Measuring control points"))
 
 

@@ -106,8 +106,9 @@ def _fully_covered(
     covered: NDArray[np.bool_], crop: Region, cameras: Sequence[Camera], small: Canvas, *, exact: bool
 ) -> bool:
     """Whether photos surely cover all pixels of a crop of the reduced canvas, as far as its mask tells."""
-    if exact or not covered[crop.within(small.region)].all():
-        return bool(covered[crop.within(small.region)].all())
+    seen = bool(covered[crop.within(small.region)].all())
+    if exact or not seen:
+        return seen
     framed = np.pad(np.pad(covered, ((1, 1), (0, 0))), ((0, 0), (1, 1)), mode="wrap" if small.wraps else "constant")
     # beyond the edge there is no mask; a canvas that shows a part of the view goes on there, others end with the photos
     ring = np.ones(framed.shape, bool)

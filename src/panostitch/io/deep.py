@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import cv2
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image, TiffImagePlugin
 
 from panostitch.errors import InputError
-from panostitch.io.orientation import upright
+from panostitch.io.orientation import asked_for
 from panostitch.model.photo import Pixels
 
 DeepPixels = NDArray[np.uint16]
@@ -51,12 +52,9 @@ class DeepFile:
         pixels = _rgb(np.asarray(stored, np.uint16))
         if self.negative:
             np.subtract(WHITE, pixels, out=pixels)
-        if scale < 1:
-            height, width = pixels.shape[:2]
-            size = max(1, round(width * scale)), max(1, round(height * scale))
-            pixels = np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint16)
-            mask = None if mask is None else np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_AREA), np.uint8)
-        return upright(pixels, self.orientation), None if mask is None else upright(mask, self.orientation)
+        size = (pixels.shape[1], pixels.shape[0])
+        asked = partial(asked_for, whole=size, scale=scale, orientation=self.orientation)
+        return asked(pixels), None if mask is None else asked(mask)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import warnings
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -29,7 +30,7 @@ from PIL import (
 from panostitch.errors import InputError
 from panostitch.io.deep import COPY_ANEW, InEightBits, deep_file, unknown_tiff
 from panostitch.io.metadata import read_metadata
-from panostitch.io.orientation import upright
+from panostitch.io.orientation import asked_for
 from panostitch.model.photo import Photo, Pixels, PixelSource, natural_key
 
 # No EPS, PDF or other formats that run programs or hold no photo; importing a plug-in registers it with Pillow.
@@ -82,12 +83,9 @@ class FileSource:
 
     def read(self, scale: float = 1.0) -> tuple[Pixels, Pixels | None]:
         """Upright RGB pixels (h, w, 3) at `scale` <= 1 and the mask (h, w) of alpha, if any. Raises InputError."""
-        pixels, mask, (width, height) = self._decode(scale)
-        if scale < 1:
-            size = max(1, round(width * scale)), max(1, round(height * scale))
-            pixels = np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
-            mask = None if mask is None else np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_AREA), np.uint8)
-        return upright(pixels, self.orientation), None if mask is None else upright(mask, self.orientation)
+        pixels, mask, size = self._decode(scale)
+        asked = partial(asked_for, whole=size, scale=scale, orientation=self.orientation)
+        return asked(pixels), None if mask is None else asked(mask)
 
     def _decode(self, scale: float) -> tuple[Pixels, Pixels | None, tuple[int, int]]:
         """Stored pixels, their mask, and the size of the whole picture; a JPEG comes reduced where `scale` allows."""

@@ -48,27 +48,28 @@ class Mesh:
 
     def terms(self, xy: Floats) -> tuple[Indices, Floats]:
         """The 16 nodes (16, n), numbered row by row, that the displacement of pixels (n, 2) sees, and their weights."""
-        columns, rows = self.cells
-        place = (xy + 0.5) / self.size * self.cells
-        left, across = spline.weights(place[:, 0], columns)
-        top, down = spline.weights(place[:, 1], rows)
+        first, across, down = self._among_nodes(xy)
         reach = np.arange(spline.ORDER)
-        numbers = (top + reach[:, None])[:, None] * (columns + 3) + (left + reach[:, None])[None]
+        numbers = first + reach[:, None, None] * self.nodes.shape[1] + reach[:, None]
         return numbers.reshape(16, -1), (down[:, None] * across[None]).reshape(16, -1)
 
     def displacement(self, xy: Floats) -> Floats:
         """Displacement (n, 2) px of pixels (n, 2); beyond the photo's edge as at the edge."""
+        first, across, down = self._among_nodes(xy)
+        nodes = self.nodes[..., 0].ravel() + 1j * self.nodes[..., 1].ravel()  # a number each is faster than two
+        found = np.zeros(len(xy), np.complex128)
+        for r in range(spline.ORDER):  # one by one: a large region need not hold all of them
+            line = sum(across[c] * nodes[first + (r * self.nodes.shape[1] + c)] for c in range(spline.ORDER))
+            found += down[r] * line
+        return np.column_stack([found.real, found.imag])
+
+    def _among_nodes(self, xy: Floats) -> tuple[Indices, Floats, Floats]:
+        """The number (n,) of the first node that each pixel (n, 2) sees, and weights (4, n) of columns and of rows."""
         columns, rows = self.cells
         place = (xy + 0.5) / self.size * self.cells
         left, across = spline.weights(place[:, 0], columns)
         top, down = spline.weights(place[:, 1], rows)
-        first = top * (columns + 3) + left
-        nodes = self.nodes[..., 0].ravel() + 1j * self.nodes[..., 1].ravel()  # a number each is faster than two
-        found = np.zeros(len(xy), np.complex128)
-        for r in range(spline.ORDER):  # one by one: a large region need not hold all of them
-            line = sum(across[c] * nodes[first + (r * (columns + 3) + c)] for c in range(spline.ORDER))
-            found += down[r] * line
-        return np.column_stack([found.real, found.imag])
+        return top * self.nodes.shape[1] + left, across, down
 
     def bent(self, xy: Floats) -> Floats:
         """Where the photo shows what its camera sees at pixels (n, 2); NaN stays NaN."""

@@ -3,9 +3,8 @@
 import cv2
 import numpy as np
 
-from panostitch.compositing.blend.pieces import Floats
+from panostitch.compositing.blend.pieces import EVERYWHERE, Floats
 
-EVERYWHERE = (slice(None), slice(None))
 HALO = 3  # times 2^levels: what lies farther away changes a pixel by less than 0.0001 of a grey level
 
 

@@ -12,8 +12,8 @@ from math import floor, log2
 import cv2
 import numpy as np
 
-from panostitch.compositing.blend.bands import EVERYWHERE, HALO, Bands
-from panostitch.compositing.blend.pieces import Booleans, Floats, Labels, Piece, fill, only, put
+from panostitch.compositing.blend.bands import HALO, Bands
+from panostitch.compositing.blend.pieces import EVERYWHERE, Booleans, Floats, Labels, Piece, fill, only, put
 from panostitch.model.canvas import Canvas, Region
 
 # Repeated `pyrDown` smooths by a cubic B-spline. Weights at the reduced size are what it leaves of seams between whole

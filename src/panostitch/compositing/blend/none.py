@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from panostitch.compositing.blend.pieces import Floats, Labels, Piece
+from panostitch.compositing.blend.pieces import EVERYWHERE, Floats, Labels, Piece
 from panostitch.model.canvas import Canvas
 
 
@@ -21,9 +21,7 @@ def join(
     return composite
 
 
-def alone(
-    pixels: Floats, change: Floats, factor: int, place: tuple[slice, slice] = (slice(None), slice(None))
-) -> Floats:
+def alone(pixels: Floats, change: Floats, factor: int, place: tuple[slice, slice] = EVERYWHERE) -> Floats:
     """The photo as it is."""
     del change, factor, place
     return pixels

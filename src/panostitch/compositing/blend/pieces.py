@@ -13,6 +13,8 @@ Floats = NDArray[np.float32]
 Booleans = NDArray[np.bool_]
 Labels = NDArray[np.int16]
 
+EVERYWHERE = (slice(None), slice(None))  # the place of what fills the whole array
+
 
 @dataclass(frozen=True)
 class Piece:

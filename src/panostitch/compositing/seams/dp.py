@@ -8,12 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from panostitch.compositing.seams.cut import BASE_COST
 from panostitch.compositing.seams.difference import difference_between
 from panostitch.compositing.seams.whole import Booleans, Floats, Whole, whole_photos
 from panostitch.model.canvas import Canvas, Layer
 from panostitch.model.panorama import NOBODY
 
-BASE_COST = 2.0  # grey levels: a short seam through small differences beats a long one through none
 EDGE_WEIGHT = 0.01  # grey levels for each px that a pixel lies deeper in one photo than in the other: half-way is best
 OUTSIDE = 255.0  # grey levels: the path keeps to the overlap wherever there is one
 
