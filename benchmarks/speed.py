@@ -39,7 +39,8 @@ from panostitch.synthetic.textures import procedural_texture
 Picture = NDArray[np.uint8]
 
 SIZE = (4000, 3000)  # px
-HFOV = np.deg2rad(55)
+FOCAL = 3200  # px
+HFOV = 2 * np.arctan(SIZE[0] / 2 / FOCAL)
 TEXTURE = 8192  # px all around
 GRAIN = 2.0  # grey levels
 QUALITY = 92

@@ -100,11 +100,11 @@ def _found(
     return points
 
 
-def _corners(grey: NDArray[np.float32], blocks: int) -> Floats:
+def _corners(grey: NDArray[np.uint8], blocks: int) -> Floats:
     """Pixels (n, 2): the best corner of each block."""
     height, width = grey.shape
     side = max(SMALLEST_BLOCK, round(float(np.sqrt(height * width / blocks))))
-    strength = cv2.cornerMinEigenVal(grey, CORNER)
+    strength = cv2.cornerMinEigenVal(grey.astype(np.float32), CORNER)
     rows, columns = height // side, width // side
     tiles = strength[: rows * side, : columns * side].reshape(rows, side, columns, side).swapaxes(1, 2)
     best = tiles.reshape(rows, columns, side * side).argmax(2)

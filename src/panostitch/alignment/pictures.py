@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from panostitch.model.photo import Photo
 from panostitch.runtime.cache import LastUsed
 
-Grey = NDArray[np.float32]
+Grey = NDArray[np.uint8]
 
 CACHE_BYTES = 512 << 20  # grey photos kept for the next pairs
 
@@ -29,10 +29,10 @@ class Pictures:
 
     def _make(self, index: int, factor: int) -> Grey:
         if factor == 1:
-            return np.asarray(cv2.cvtColor(self.photos[index].source.read()[0], cv2.COLOR_RGB2GRAY), np.float32)
+            return np.asarray(cv2.cvtColor(self.photos[index].source.read()[0], cv2.COLOR_RGB2GRAY), np.uint8)
         full = self.read(index, 1)
         size = (max(1, round(full.shape[1] / factor)), max(1, round(full.shape[0] / factor)))
-        return np.asarray(cv2.resize(full, size, interpolation=cv2.INTER_AREA), np.float32)
+        return np.asarray(cv2.resize(full, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def pictures_of(photos: Sequence[Photo]) -> Pictures:

@@ -15,13 +15,15 @@ from panostitch.model.camera import Camera
 from panostitch.model.match import ControlPoints
 
 Floats = NDArray[np.float64]
-Grey = NDArray[np.float32]
+Grey = NDArray[np.uint8]
+Levels = NDArray[np.float32]
 
 HALF = 15  # px from the centre of a patch to its edge
 SIDE = 2 * HALF + 1
 BORDER = 4  # px of photo that gradient and interpolation need beyond the patch
 STEPS = 8
 LONGEST_STEP = 3.0  # px
+WANDERING = int(STEPS * LONGEST_STEP) + 4  # px from its beginning that a patch can get, and its interpolation looks
 NEARLY = 0.02  # px, steps below this leave the rest to the exact interpolation
 ARRIVED = 0.1  # px, a last step above this has not settled
 MIN_CORRELATION = 0.8  # between the patches, after gain and offset
@@ -62,7 +64,7 @@ class Patches:
     solver: (n, PARAMETERS, PARAMETERS) inverse of the normal equations
     """
 
-    design: Grey
+    design: Levels
     solver: Floats
 
     def take(self, index: NDArray[np.intp]) -> "Patches":
@@ -85,15 +87,16 @@ def measured_again(points: ControlPoints, camera_i: Camera, camera_j: Camera, gr
     if not len(index):
         return Measured(index, centre, centre, np.zeros(0), np.zeros(0))
     patches, shape, begin = _patches(grey_i, centre), _local_shape(at), at[:, 1, 1].copy()
+    levels, first = _looked_at(grey_j, at)
     active = np.arange(len(at))
     for _ in range(STEPS):
-        step = _step(patches.take(active), _resampled(grey_j, at[active], cv2.INTER_CUBIC))
+        step = _step(patches.take(active), _resampled(levels, at[active] - first, cv2.INTER_CUBIC))
         at[active] += np.einsum("nab,nb->na", shape[active], step)[:, None, None]
         active = active[np.abs(step).max(1) > NEARLY]
         if not len(active):
             break
     # the exact but slow interpolation has the last word
-    seen = _resampled(grey_j, at, cv2.INTER_LANCZOS4)
+    seen = _resampled(levels, at - first, cv2.INTER_LANCZOS4)
     step = _step(patches, seen)
     at += np.einsum("nab,nb->na", shape, step)[:, None, None]
     correlation, deviation = _quality(patches, seen)
@@ -125,7 +128,7 @@ def _local_shape(at: Floats) -> Floats:
 def _patches(grey: Grey, centre: Floats) -> Patches:
     reach = np.arange(-HALF - 1, HALF + 2)
     column, row = centre.astype(int).T
-    block = grey[row[:, None, None] + reach[:, None], column[:, None, None] + reach]
+    block = grey[row[:, None, None] + reach[:, None], column[:, None, None] + reach].astype(np.float32)
     patch = block[:, 1:-1, 1:-1]
     across = (block[:, 1:-1, 2:] - block[:, 1:-1, :-2]) / 2
     down = (block[:, 2:, 1:-1] - block[:, :-2, 1:-1]) / 2
@@ -139,20 +142,28 @@ def _patches(grey: Grey, centre: Floats) -> Patches:
     return Patches(design, np.linalg.inv(normal / product + 1e-9 * np.eye(PARAMETERS)) / product)
 
 
-def _resampled(grey: Grey, at: Floats, interpolation: int) -> Grey:
+def _looked_at(grey: Grey, at: Floats) -> tuple[Levels, NDArray[np.intp]]:
+    """The part of a photo that patches at these places (n, 3, 3, 2) may look at, and its first pixel (x, y)."""
+    last = np.array(grey.shape[::-1]) - 1
+    low = (np.floor(at.min((0, 1, 2))).astype(int) - WANDERING).clip(0, last)
+    high = (np.ceil(at.max((0, 1, 2))).astype(int) + WANDERING).clip(0, last)
+    return grey[low[1] : high[1] + 1, low[0] : high[0] + 1].astype(np.float32), low
+
+
+def _resampled(grey: Levels, at: Floats, interpolation: int) -> Levels:
     """Patches (n, SIDE^2) of photo j through nine points each."""
     x, y = (np.asarray(BASIS @ at[..., axis] @ BASIS.T, np.float32).reshape(-1, SIDE) for axis in (0, 1))
     seen = cv2.remap(grey, x, y, interpolation, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(seen.reshape(len(at), SIDE**2), np.float32)
 
 
-def _parameters(patches: Patches, seen: Grey) -> Floats:
+def _parameters(patches: Patches, seen: Levels) -> Floats:
     """The parameters (n, PARAMETERS) that explain best what is seen."""
     gradient = (patches.design.transpose(0, 2, 1) @ seen[..., None]).astype(np.float64)
     return np.asarray((patches.solver @ gradient)[..., 0])
 
 
-def _step(patches: Patches, seen: Grey) -> Floats:
+def _step(patches: Patches, seen: Levels) -> Floats:
     """How far (n, 2) px of photo i the patches still are from what is seen."""
     theta = _parameters(patches, seen)
     with np.errstate(all="ignore"):
@@ -161,7 +172,7 @@ def _step(patches: Patches, seen: Grey) -> Floats:
     return np.where(np.isfinite(step).all(1, keepdims=True), np.clip(step, -LONGEST_STEP, LONGEST_STEP), 0.0)
 
 
-def _quality(patches: Patches, seen: Grey) -> tuple[Floats, Floats]:
+def _quality(patches: Patches, seen: Levels) -> tuple[Floats, Floats]:
     """Correlation (n,) of the patches after gain and offset, and expected error (n,) px of the shift."""
     theta = _parameters(patches, seen)
     gain = theta[:, 0]

@@ -2,7 +2,7 @@
 
 from functools import partial
 
-from panostitch.compositing.compose import compose
+from panostitch.compositing.compose import Work, compose
 from panostitch.compositing.cost import decoded_bytes, decoding_bytes, photo_budget, tile_bytes
 from panostitch.compositing.frame import frame
 from panostitch.compositing.layout import lay_out
@@ -21,6 +21,15 @@ def make_panorama(
 ) -> Panorama:
     """The panorama as a function of a region; `memory` is what the whole program may take, in bytes."""
     budget = photo_budget(alignment.photos, memory)
-    read = partial(compose, alignment, canvas, plan, options, decoded_photos(budget))
-    cost = partial(tile_bytes, alignment.photos, canvas, plan, options)
-    return Panorama(canvas, plan, read, cost, min(budget, decoded_bytes(alignment.photos)), alignment)
+    work = Work(alignment, canvas, plan, options, decoded_photos(budget))
+    kept = min(budget, decoded_bytes(alignment.photos))
+    return Panorama(
+        canvas,
+        plan,
+        partial(compose, work),
+        work.photos,
+        work.decoded.forget,
+        partial(tile_bytes, work),
+        kept,
+        alignment,
+    )

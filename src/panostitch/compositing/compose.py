@@ -1,15 +1,16 @@
 """A region of the panorama at full size: warp, light, seams, fine bands over what the low bands change."""
 
-from functools import partial
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from panostitch.compositing.blend import BLENDERS
+from panostitch.compositing.blend import BLENDERS, Blender
 from panostitch.compositing.blend.pieces import Floats, Piece, hard_composite, only
 from panostitch.compositing.light import expose, factors
-from panostitch.compositing.warp import Decoded, misses, read_for, warp
+from panostitch.compositing.warp import Blocks, Decoded, blocks, read_for, sample
 from panostitch.model.alignment import Alignment
 from panostitch.model.canvas import Canvas, Layer, Region
 from panostitch.model.panorama import Plan
@@ -22,69 +23,150 @@ INTERPOLATION = {
     "cubic": cv2.INTER_CUBIC,
     "lanczos": cv2.INTER_LANCZOS4,
 }
+LARGEST = 512  # px, longest side of what is made in one go
+SMALLEST = 256  # px, the same where there are seams
+IN_CACHE = 1 << 16  # px that are sampled and exposed in one go, while they are in the processor's cache
 LABEL_MARGIN = 2  # px of the reduced canvas around a tile, so that enlarging needs no edge
 
 
-def compose(
-    alignment: Alignment, canvas: Canvas, plan: Plan, options: CompositingOptions, decoded: Decoded, region: Region
-) -> Layer:
-    """The pixels of a region of the canvas. The same pixels come out however the canvas is cut into regions."""
-    blender = BLENDERS[options.blender]
-    tile = with_halo(plan, options, region)
-    labels = label_rectangle(plan, canvas, tile)
-    photos = [int(n) for n in np.unique(labels)]
-    seen = partial(_seen, alignment, canvas, plan, options, decoded)
-    if len(photos) == 1:
-        # no pixel looks at another one: nothing is needed around the region
-        if misses(alignment.cameras[photos[0]], canvas, region):
-            size = region.height, region.width
-            return Layer(region, np.zeros((*size, 3), np.float32), np.zeros(size, bool))
-        layer = seen(photos[0], region)
-        change = _change(plan, canvas, photos[0], tile)
-        pixels, covered = blender.alone(layer.pixels, change, plan.factor, region.within(tile)), layer.mask
-    else:
-        places = [_place(labels == n, plan, options, tile) for n in photos]
-        pieces = _pieces(
-            labels, tile, plan.factor, [(n, seen(n, place)) for n, place in zip(photos, places, strict=True)]
-        )
-        composite, mask = hard_composite(pieces, (tile.height, tile.width))
-        changes = [_change(plan, canvas, n, place) for n, place in zip(photos, places, strict=True)]
-        blended = blender.join(pieces, changes, composite, plan.factor, options.bands)
-        inner = region.within(tile)
-        pixels, covered = blended[inner], mask[inner]
-    if not covered.all():
-        pixels = only(pixels, covered)
-    return Layer(region, pixels, covered)
+@dataclass(frozen=True)
+class Work:
+    """What all regions of a panorama are made of."""
+
+    alignment: Alignment
+    canvas: Canvas
+    plan: Plan
+    options: CompositingOptions
+    decoded: Decoded
+
+    @property
+    def blender(self) -> Blender:
+        """How photos are joined."""
+        return BLENDERS[self.options.blender]
+
+    @property
+    def halo(self) -> int:
+        """How far around a region (px of the reduced canvas) its pixels look."""
+        return self.blender.reach(self.plan.factor)
+
+    @property
+    def smallest(self) -> int:
+        """Side (px) down to which regions with seams are cut: smaller ones would be mostly halo."""
+        return max(SMALLEST, 2 * self.halo * self.plan.factor)
+
+    def around(self, region: Region) -> Region:
+        """What must be made so that a region comes out as it does from the whole canvas."""
+        return region.grown(self.halo * self.plan.factor, multiple=self.plan.factor)
+
+    def photos(self, region: Region) -> frozenset[int]:
+        """The numbers of the photos that a region is made of."""
+        return frozenset(np.unique(label_rectangle(self.plan, self.canvas, self.around(region))).tolist())
 
 
-def with_halo(plan: Plan, options: CompositingOptions, region: Region) -> Region:
-    """What must be made so that a region comes out as it does from the whole canvas."""
-    return region.grown(BLENDERS[options.blender].reach(plan.factor) * plan.factor, multiple=plan.factor)
+def compose(work: Work, region: Region) -> Layer:
+    """The pixels of a region of the canvas. The same pixels come out however the canvas is cut into regions.
+
+    So it is cut where seams are, until little is left that more than one photo matters to.
+    """
+    sight, layers = Sight(work, work.around(region)), []
+    rest = [region]
+    while rest:
+        part = rest.pop()
+        photos = sight.photos(work.around(part))
+        if max(part.width, part.height) > (LARGEST if len(photos) == 1 else work.smallest):
+            rest += part.halves(multiple=work.plan.factor)
+        else:
+            layers.append(_alone(sight, photos[0], part) if len(photos) == 1 else _joined(sight, photos, part))
+    return layers[0] if len(layers) == 1 else _together(region, layers)
 
 
-def _place(owned: NDArray[np.bool_], plan: Plan, options: CompositingOptions, tile: Region) -> Region:
+def _together(region: Region, layers: list[Layer]) -> Layer:
+    """Layers that share out a region."""
+    pixels, mask = np.empty((region.height, region.width, 3), np.float32), np.empty((region.height, region.width), bool)
+    for layer in layers:
+        place = layer.region.within(region)
+        pixels[place], mask[place] = layer.pixels, layer.mask
+    return Layer(region, pixels, mask)
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What is to be seen in a region of the canvas; what its parts have in common is made once.
+
+    region: its sides are multiples of the factor of the reduction
+    """
+
+    work: Work
+    region: Region
+    _grids: dict[int, Blocks] = field(default_factory=dict)
+
+    @cached_property
+    def _labels(self) -> NDArray[np.int16]:
+        return label_rectangle(self.work.plan, self.work.canvas, self.region)
+
+    def labels(self, tile: Region) -> NDArray[np.int16]:
+        """The labels of the plan under a part, with a margin."""
+        small, whole = (r.divided(self.work.plan.factor).grown(LABEL_MARGIN) for r in (tile, self.region))
+        return self._labels[small.within(whole)]
+
+    def photos(self, tile: Region) -> list[int]:
+        """The numbers of the photos that own something of a part."""
+        labels = self.labels(tile)
+        return [int(labels[0, 0])] if labels.min() == labels.max() else [int(n) for n in np.unique(labels)]
+
+    def grid(self, photo: int, part: Region) -> Blocks:
+        """Where a photo is seen in a part."""
+        if photo not in self._grids:
+            self._grids[photo] = blocks(self.work.alignment.cameras[photo], self.work.canvas, self.region)
+        return self._grids[photo].part(part)
+
+    def layer(self, photo: int, part: Region) -> Layer:
+        """A photo in a part, in the panorama's light."""
+        work, own = self.work, self.work.alignment.cameras[photo]
+        raster, camera = work.decoded.get(photo, partial(read_for, work.alignment.photos[photo], own, work.canvas))
+        if camera.size != own.size:
+            self._grids[photo] = blocks(camera, work.canvas, self.region)
+        pixels, mask = np.empty((part.height, part.width, 3), np.float32), np.empty((part.height, part.width), bool)
+        for band in part.tiles(part.width, max(1, IN_CACHE // part.width)):
+            grid, rows = self.grid(photo, band), band.within(part)
+            sampled = sample(raster, grid, INTERPOLATION[work.options.interpolation])
+            pixels[rows], mask[rows] = expose(sampled.pixels, factors(work.plan.light, photo, grid)), sampled.mask
+        return Layer(part, pixels, mask)
+
+
+def _alone(sight: Sight, photo: int, part: Region) -> Layer:
+    """A part in which one photo alone matters: no pixel looks at another one."""
+    if sight.grid(photo, part).misses:
+        size = part.height, part.width
+        return Layer(part, np.zeros((*size, 3), np.float32), np.zeros(size, bool))
+    work, tile, layer = sight.work, sight.work.around(part), sight.layer(photo, part)
+    change = _change(work.plan, work.canvas, photo, tile)
+    pixels = work.blender.alone(layer.pixels, change, work.plan.factor, part.within(tile))
+    return Layer(part, pixels if layer.mask.all() else only(pixels, layer.mask), layer.mask)
+
+
+def _joined(sight: Sight, photos: list[int], part: Region) -> Layer:
+    """A part in which photos meet."""
+    work, tile = sight.work, sight.work.around(part)
+    labels = sight.labels(tile)
+    places = [_place(labels == n, work, tile) for n in photos]
+    layers = [(n, sight.layer(n, place)) for n, place in zip(photos, places, strict=True)]
+    pieces = _pieces(labels, tile, work.plan.factor, layers)
+    composite, mask = hard_composite(pieces, (tile.height, tile.width))
+    changes = [_change(work.plan, work.canvas, n, place) for n, place in zip(photos, places, strict=True)]
+    blended = work.blender.join(pieces, changes, composite, work.plan.factor, work.options.bands)
+    inner = part.within(tile)
+    pixels, covered = blended[inner], mask[inner]
+    return Layer(part, pixels if covered.all() else only(pixels, covered), covered)
+
+
+def _place(owned: NDArray[np.bool_], work: Work, tile: Region) -> Region:
     """The part of a tile in which a photo is needed: what it may own by its labels (h, w), and a halo around that."""
     rows, columns = (np.flatnonzero(owned.any(axis)) for axis in (1, 0))
-    small = tile.divided(plan.factor)
+    small = tile.divided(work.plan.factor)
     x, y = small.x - LABEL_MARGIN + int(columns[0]), small.y - LABEL_MARGIN + int(rows[0])
     labelled = Region(x, y, int(np.ptp(columns)) + 1, int(np.ptp(rows)) + 1)
-    return labelled.grown(BLENDERS[options.blender].reach(plan.factor) + LABEL_MARGIN).times(plan.factor) & tile
-
-
-def _seen(
-    alignment: Alignment,
-    canvas: Canvas,
-    plan: Plan,
-    options: CompositingOptions,
-    decoded: Decoded,
-    photo: int,
-    region: Region,
-) -> Layer:
-    """A photo in a region of the canvas, in the panorama's light."""
-    raster, camera = decoded.get(photo, partial(read_for, alignment.photos[photo], alignment.cameras[photo], canvas))
-    layer = warp(raster, camera, canvas, region, interpolation=INTERPOLATION[options.interpolation])
-    pixels = expose(layer.pixels, factors(plan.light, photo, camera, canvas, region))
-    return Layer(region, pixels, layer.mask)
+    return labelled.grown(work.halo + LABEL_MARGIN).times(work.plan.factor) & tile
 
 
 def _pieces(labels: NDArray[np.int16], tile: Region, factor: int, layers: list[tuple[int, Layer]]) -> list[Piece]:
@@ -118,6 +200,18 @@ def _change(plan: Plan, canvas: Canvas, photo: int, tile: Region) -> Floats:
     """What the low bands change in a photo, at every `factor`-th pixel of a tile."""
     small = tile.divided(plan.factor)
     wide = Region(small.x - 1, small.y - 1, small.width + 1, small.height + 1)
+    found = _change_over(plan, canvas, photo, wide)
+    # the middle of a reduced pixel lies (factor - 1) / 2 px from its first pixel
+    back = np.float32((plan.factor - 1) / (2 * plan.factor))
+    found = found[:, 1:] * (1 - back) + found[:, :-1] * back
+    return np.asarray(found[1:] * (1 - back) + found[:-1] * back, np.float32)
+
+
+def _change_over(plan: Plan, canvas: Canvas, photo: int, wide: Region) -> Floats:
+    """The change of a photo over a region of the reduced canvas, which may reach beyond its edges."""
+    for region, change in plan.changes[photo]:
+        if wide & region == wide:
+            return change[wide.within(region)]
     found = np.zeros((wide.height, wide.width, 3), np.float32)
     turns = (-1, 0, 1) if canvas.wraps else (0,)
     width = canvas.size[0] // plan.factor
@@ -131,10 +225,7 @@ def _change(plan: Plan, canvas: Canvas, photo: int, tile: Region) -> Floats:
                     rows = np.arange(common.y, common.bottom).clip(at.y, at.bottom - 1) - at.y
                     columns = np.arange(common.x, common.right).clip(at.x, at.right - 1) - at.x
                     found[common.within(wide)] = change[np.ix_(rows, columns)]
-    # the middle of a reduced pixel lies (factor - 1) / 2 px from its first pixel
-    back = np.float32((plan.factor - 1) / (2 * plan.factor))
-    found = found[:, 1:] * (1 - back) + found[:, :-1] * back
-    return np.asarray(found[1:] * (1 - back) + found[:-1] * back, np.float32)
+    return found
 
 
 def _enlarge(small: Floats, factor: int) -> Floats:

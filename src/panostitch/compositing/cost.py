@@ -2,14 +2,10 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
-from panostitch.compositing.compose import label_rectangle, with_halo
+from panostitch.compositing.compose import Work
 from panostitch.compositing.warp import CACHE_BYTES
-from panostitch.model.canvas import Canvas, Region
-from panostitch.model.panorama import Plan
+from panostitch.model.canvas import Region
 from panostitch.model.photo import Photo
-from panostitch.options import CompositingOptions
 from panostitch.runtime.memory import resident
 
 TILE_PIXEL = 90  # bytes for each pixel of a tile with its halo
@@ -20,11 +16,10 @@ DECODED = {8: 4, 16: 7}  # that is kept, with its mask
 SHARE = 0.25  # of the memory that is left: for photos that are kept
 
 
-def tile_bytes(photos: Sequence[Photo], canvas: Canvas, plan: Plan, options: CompositingOptions, region: Region) -> int:
+def tile_bytes(work: Work, region: Region) -> int:
     """Bytes that `compose` takes for a region while it works."""
-    tile = with_halo(plan, options, region)
-    count = len(np.unique(label_rectangle(plan, canvas, tile)))
-    return tile.area * (TILE_PIXEL + PHOTO_PIXEL * count) + decoding_bytes(photos)
+    tile = work.around(region)
+    return tile.area * (TILE_PIXEL + PHOTO_PIXEL * len(work.photos(region))) + decoding_bytes(work.alignment.photos)
 
 
 def decoding_bytes(photos: Sequence[Photo]) -> int:

@@ -4,10 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from panostitch.compositing.overlaps import all_channels
-from panostitch.compositing.warp import blocks
-from panostitch.model.camera import Camera
-from panostitch.model.canvas import Canvas, Region
+from panostitch.compositing.warp import Blocks
 from panostitch.model.light import Light, radius_square
 
 Floats = NDArray[np.float32]
@@ -17,7 +14,7 @@ BURNT = np.float32(240)  # grey levels from which on a channel is on its way to 
 FARTHEST = 2.0  # square of a radius: coordinates go on beyond the photo, where the fall-off means nothing
 
 
-def factors(light: Light, photo: int, camera: Camera, canvas: Canvas, region: Region) -> Floats:
+def factors(light: Light, photo: int, grid: Blocks) -> Floats:
     """What to multiply a photo by in a region of the canvas: (h, w, 3), or (3,) where there is no fall-off.
 
     Exact on the coarse grid of `warp.coordinates`, bilinear between: the same whatever region is asked for.
@@ -25,8 +22,7 @@ def factors(light: Light, photo: int, camera: Camera, canvas: Canvas, region: Re
     gains = np.asarray(light.gains[photo], np.float32)
     if not light.has_fall_off(photo):
         return gains
-    grid = blocks(camera, canvas, region)
-    square = np.where(grid.known, radius_square(grid.seen, camera.size), FARTHEST)
+    square = np.where(grid.known, radius_square(grid.seen, grid.camera.size), FARTHEST)
     return grid.enlarged(with_fall_off(light, photo, square))
 
 
@@ -64,14 +60,15 @@ def _keep_burnt(pixels: Floats, exposed: Floats) -> None:
 
     Were it to follow the others, a blue sky that is burnt in blue alone would turn green, and white would turn grey.
     """
-    bright = ~all_channels(pixels <= BURNT)
-    before, own = pixels[bright], exposed[bright]
-    share = (np.maximum(before - BURNT, 0) / (WHITE - BURNT)) ** 2
-    share = np.maximum(share, np.sort(share, axis=1)[:, 1:2])
-    exposed[bright] = own + (np.maximum(before, own) - own) * share
+    share = (np.maximum(pixels - BURNT, 0) / (WHITE - BURNT)) ** 2
+    one, two, three = cv2.split(share)
+    second = cv2.max(cv2.min(one, two), cv2.min(cv2.max(one, two), three))
+    np.maximum(share, cv2.merge([second] * 3), out=share)
+    share *= np.maximum(pixels - exposed, 0)
+    exposed += share
 
 
 def _keep_hue(exposed: Floats) -> None:
-    beyond = ~all_channels(exposed <= WHITE)
-    own = exposed[beyond]
-    exposed[beyond] = own * (WHITE / own.max(1))[:, None]
+    one, two, three = cv2.split(exposed)
+    brightest = np.maximum(cv2.max(cv2.max(one, two), three), WHITE)
+    exposed *= cv2.merge([WHITE / brightest] * 3)

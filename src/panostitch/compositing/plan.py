@@ -15,7 +15,7 @@ from panostitch.compositing.exposure import EXPOSURE
 from panostitch.compositing.light import expose, with_fall_off
 from panostitch.compositing.overlaps import Squares
 from panostitch.compositing.seams import SEAMS, extend
-from panostitch.compositing.warp import coordinates, footprints, read_for, warp
+from panostitch.compositing.warp import blocks, coordinates, footprints, read_for, warp
 from panostitch.errors import AlignmentError, UsageError
 from panostitch.model.alignment import Alignment
 from panostitch.model.camera import Camera
@@ -142,7 +142,7 @@ def _squares(alignment: Alignment, small: Canvas, places: Sequence[tuple[Region,
     @cache
     def whole(photo: int, place: Region) -> NDArray[np.float32]:
         camera = alignment.cameras[photo]
-        x, y, _ = coordinates(camera, small, place)
+        x, y, _ = coordinates(blocks(camera, small, place))
         return np.asarray(radius_square(np.stack([x, y], axis=-1).astype(np.float64), camera.size), np.float32)
 
     def squares(photo: int, region: Region) -> NDArray[np.float64]:

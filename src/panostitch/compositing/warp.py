@@ -1,7 +1,8 @@
 """A photo on the canvas: exact coordinates on a coarse grid, enlarged where they bend little, then one sampling."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -48,56 +49,6 @@ def _magnification(camera: Camera) -> float:
     return float(np.sqrt(abs(np.linalg.det(plane[1:] - plane[0]))))
 
 
-def warp(raster: Raster, camera: Camera, canvas: Canvas, region: Region, *, interpolation: int) -> Layer:
-    """The part of a photo that falls into a region of the canvas."""
-    pixels = np.empty((region.height, region.width, 3), np.float32)
-    mask = np.empty((region.height, region.width), bool)
-    for part in region.tiles(CHUNK):
-        rows_columns = part.within(region)
-        x, y, valid = coordinates(camera, canvas, part)
-        inside = valid & (_between(x, camera.size[0]) & _between(y, camera.size[1]))
-        pixels[rows_columns] = cv2.remap(raster[0], x, y, interpolation, borderMode=cv2.BORDER_REPLICATE)
-        if raster[1] is not None:
-            inside &= cv2.remap(raster[1], x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) > 254
-        mask[rows_columns] = inside
-    if raster[0].dtype == np.uint16:
-        pixels *= DEEP
-    return Layer(region, pixels, mask)
-
-
-def _between(x: NDArray[np.float32], side: int) -> NDArray[np.bool_]:
-    return np.asarray(cv2.inRange(x, -0.5, side - 0.5) > 0)
-
-
-def misses(camera: Camera, canvas: Canvas, region: Region) -> bool:
-    """Whether a photo surely shows nothing of a region of the canvas."""
-    grid = blocks(camera, canvas, region)
-    if _bent(grid.nodes, camera).any():
-        return False
-    seen = grid.seen[grid.known]
-    return bool((seen < -1).all(0).any() or (seen > camera.size).all(0).any())
-
-
-def coordinates(
-    camera: Camera, canvas: Canvas, region: Region
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
-    """Where (x, y, each (h, w) px of the photo) each canvas pixel is seen, and where that is known."""
-    grid = blocks(camera, canvas, region)
-    known, bent = grid.known, _bent(grid.nodes, camera)
-    seen = np.where(known[..., None], grid.seen, -1e4)
-    x, y = (grid.enlarged(np.asarray(seen[:, :, k], np.float32)) for k in (0, 1))
-    valid = np.ones(x.shape, bool)
-    if not known.all():
-        valid = np.asarray(grid.enlarged(np.asarray(known, np.float32)) > 0.999)
-    if bent.any():
-        # bilinear as well: more than nothing in all blocks that have a bent node at a corner
-        down, right = np.nonzero(grid.enlarged(np.asarray(bent, np.float32)) > 0)
-        exact = _project(camera, canvas, np.column_stack([right + region.x, down + region.y]))
-        valid[down, right] = np.isfinite(exact).all(1)
-        x[down, right], y[down, right] = np.where(valid[down, right, None], exact, -1e4).T
-    return x, y, valid
-
-
 @dataclass(frozen=True)
 class Blocks:
     """The coarse grid over a region: its nodes are the centres of the canvas's 16 px blocks.
@@ -105,24 +56,47 @@ class Blocks:
     One block lies beyond the region on each side: resize then needs no extrapolation, its rule for pixel centres is
     ours, and the answer is the same for every region.
 
+    camera: the photo's
     region: what was asked for
     outer:  what the blocks cover
-    nodes:  (h + 2, w + 2, 2) px of the photo; a ring of them more, which tells how much the coordinates bend
+    seen:   (h, w, 2) px of the photo at the nodes
+    known:  (h, w) which of them are finite
+    bent:   (h, w) between which of them a bilinear guess will not do
     """
 
+    camera: Camera
+    canvas: Canvas
     region: Region
     outer: Region
-    nodes: Floats
+    seen: Floats
+    known: NDArray[np.bool_]
+    bent: NDArray[np.bool_]
+
+    @cached_property
+    def plain(self) -> bool:
+        """Whether all nodes are known, and a guess does between all of them."""
+        return bool(self.known.all()) and not self.bent.any()
 
     @property
-    def seen(self) -> Floats:
-        """The nodes (h, w, 2) px of the photo."""
-        return self.nodes[1:-1, 1:-1]
+    def misses(self) -> bool:
+        """Whether the photo surely shows nothing of the region."""
+        if self.bent.any():
+            return False
+        seen = self.seen[self.known]
+        return bool((seen < -1).all(0).any() or (seen > self.camera.size).all(0).any())
 
     @property
-    def known(self) -> NDArray[np.bool_]:
-        """Which nodes (h, w) are finite."""
-        return np.asarray(np.isfinite(self.seen).all(2))
+    def surely_inside(self) -> bool:
+        """Whether every pixel of the region lies in the photo: what is bilinear lies between its nodes."""
+        return self.plain and bool((self.seen >= 0.5).all() and (self.seen <= np.array(self.camera.size) - 1.5).all())
+
+    def part(self, region: Region) -> "Blocks":
+        """The grid over a part of its region."""
+        outer = region.grown(STEP, multiple=STEP)
+        place = outer.divided(STEP).within(self.outer.divided(STEP))
+        return replace(
+            self, region=region, outer=outer, seen=self.seen[place], known=self.known[place], bent=self.bent[place]
+        )
 
     def enlarged(self, nodes: NDArray[np.float32]) -> NDArray[np.float32]:
         """Values at the nodes (h, w) as values of the region's pixels, bilinear."""
@@ -133,10 +107,56 @@ class Blocks:
 def blocks(camera: Camera, canvas: Canvas, region: Region) -> Blocks:
     """Exact coordinates of a photo at the nodes over a region of the canvas."""
     outer = region.grown(STEP, multiple=STEP)
-    wide = outer.grown(STEP)
+    wide = outer.grown(STEP)  # a ring of nodes more, which tells how much the coordinates bend
     columns = np.arange(wide.x, wide.right, STEP) + (STEP - 1) / 2
     rows = np.arange(wide.y, wide.bottom, STEP) + (STEP - 1) / 2
-    return Blocks(region, outer, _project_grid(camera, canvas, np.asarray(columns, float), np.asarray(rows, float)))
+    nodes = _project_grid(camera, canvas, np.asarray(columns, float), np.asarray(rows, float))
+    seen = nodes[1:-1, 1:-1]
+    known = np.asarray(np.isfinite(seen).all(2))
+    return Blocks(camera, canvas, region, outer, seen, known, _bent(nodes, camera))
+
+
+def warp(raster: Raster, camera: Camera, canvas: Canvas, region: Region, *, interpolation: int) -> Layer:
+    """The part of a photo that falls into a region of the canvas."""
+    pixels = np.empty((region.height, region.width, 3), np.float32)
+    mask = np.empty((region.height, region.width), bool)
+    for part in region.tiles(CHUNK):
+        layer, rows_columns = sample(raster, blocks(camera, canvas, part), interpolation), part.within(region)
+        pixels[rows_columns], mask[rows_columns] = layer.pixels, layer.mask
+    return Layer(region, pixels, mask)
+
+
+def sample(raster: Raster, grid: Blocks, interpolation: int) -> Layer:
+    """A photo at the pixels of a grid's region, whose sides are at most `CHUNK`."""
+    x, y, valid = coordinates(grid)
+    pixels = np.asarray(cv2.remap(raster[0], x, y, interpolation, borderMode=cv2.BORDER_REPLICATE), np.float32)
+    mask = valid if grid.surely_inside else valid & _between(x, grid.camera.size[0]) & _between(y, grid.camera.size[1])
+    if raster[1] is not None:
+        mask &= cv2.remap(raster[1], x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) > 254
+    if raster[0].dtype == np.uint16:
+        pixels *= DEEP
+    return Layer(grid.region, pixels, mask)
+
+
+def _between(x: NDArray[np.float32], side: int) -> NDArray[np.bool_]:
+    return np.asarray(cv2.inRange(x, -0.5, side - 0.5) > 0)
+
+
+def coordinates(grid: Blocks) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+    """Where (x, y, each (h, w) px of the photo) each pixel of a grid's region is seen, and where that is known."""
+    camera, canvas, region = grid.camera, grid.canvas, grid.region
+    seen = grid.seen if grid.plain else np.where(grid.known[..., None], grid.seen, -1e4)
+    x, y = (grid.enlarged(np.asarray(seen[:, :, k], np.float32)) for k in (0, 1))
+    if grid.plain:
+        return x, y, np.ones(x.shape, bool)
+    valid = np.asarray(grid.enlarged(np.asarray(grid.known, np.float32)) > 0.999)
+    if grid.bent.any():
+        # bilinear as well: more than nothing in all blocks that have a bent node at a corner
+        down, right = np.nonzero(grid.enlarged(np.asarray(grid.bent, np.float32)) > 0)
+        exact = _project(camera, canvas, np.column_stack([right + region.x, down + region.y]))
+        valid[down, right] = np.isfinite(exact).all(1)
+        x[down, right], y[down, right] = np.where(valid[down, right, None], exact, -1e4).T
+    return x, y, valid
 
 
 def _bent(nodes: Floats, camera: Camera) -> NDArray[np.bool_]:

@@ -5,13 +5,11 @@ import os
 import time
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from panostitch.io.limits import bounded, check_sides, depth_for, need
 from panostitch.io.rendering import Rendering, tiles_of
 from panostitch.io.writers import encode_panorama
 from panostitch.model.canvas import Region
-from panostitch.model.panorama import NOBODY, Panorama, Plan
+from panostitch.model.panorama import Panorama, keep
 from panostitch.options import OutputOptions
 from panostitch.runtime.executor import Executor
 from panostitch.runtime.memory import SLACK, resident
@@ -47,7 +45,7 @@ def expected_seconds(panorama: Panorama, path: str, options: OutputOptions, *, t
         [tiles[len(tiles) * (2 * n + 1) // (2 * SAMPLES)] for n in range(SAMPLES)] if len(tiles) > SAMPLES else tiles
     )
     first, again = (sum(_seconds(panorama, path, options, tile) for tile in chosen) for _ in range(2))
-    photos, shown = _photos(plan, [plan.crop]), _photos(plan, chosen)
+    photos, shown = (len(frozenset().union(*map(panorama.photos, some))) for some in (tiles, chosen))
     decoding = max(first - again, 0.0) * photos / max(shown, 1)
     share = plan.crop.area / sum(tile.area for tile in chosen)
     return (again * share + decoding) / max(1, min(threads, os.cpu_count() or 1))
@@ -56,15 +54,8 @@ def expected_seconds(panorama: Panorama, path: str, options: OutputOptions, *, t
 def _seconds(panorama: Panorama, path: str, options: OutputOptions, tile: Region) -> float:
     """What it takes to make a tile and to encode it as a picture of its own."""
     depth, _ = depth_for(panorama, path, options.depth)
-    picture = Rendering(replace(panorama, plan=replace(panorama.plan, crop=tile)), Executor(), depth=depth)
+    tile_alone = replace(panorama, plan=replace(panorama.plan, crop=tile), forget=keep)
+    picture = Rendering(tile_alone, Executor(), depth=depth)
     began = time.perf_counter()
     encode_panorama(io.BytesIO(), path, picture, replace(options, pyramid="none"))
     return time.perf_counter() - began
-
-
-def _photos(plan: Plan, regions: list[Region]) -> int:
-    """How many photos these regions show."""
-    height, width = plan.labels.shape
-    cells = [region.grown(0, multiple=plan.factor).divided(plan.factor) for region in regions]
-    whole = Region(0, 0, width, height)
-    return len(set(np.concatenate([plan.labels[(cell & whole).within(whole)].ravel() for cell in cells])) - {NOBODY})

@@ -1,6 +1,6 @@
 """The cropped panorama as pixels of 8 or 16 bits, tile by tile in a fixed order, for those who write it."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
@@ -75,13 +75,19 @@ class Rendering:
         """Bytes of a pixel."""
         return self.channels * self.depth // 8
 
-    def map(self, work: Callable[[Region, Samples], Result]) -> Iterator[Result]:
-        """What `work` makes of each tile's region and pixels (h, w, channels), in threads; row by row."""
+    def map(self, work: Callable[[Region, Samples], Result], tiles: Sequence[Region] | None = None) -> Iterator[Result]:
+        """What `work` makes of each tile's region and pixels (h, w, channels), in threads; row by row if not given."""
 
         def whole(region: Region) -> Result:
             return work(region, self.pixels(region))
 
-        return self.run.map(whole, tiles_of(self.crop), label="Rendering", ahead=AHEAD * self.run.threads)
+        tiles = tiles_of(self.crop) if tiles is None else tiles
+        last = {photo: number for number, tile in enumerate(tiles) for photo in self.panorama.photos(tile)}
+        results = self.run.map(whole, tiles, label="Rendering", ahead=AHEAD * self.run.threads)
+        for number, result in enumerate(results):
+            yield result
+            for photo in [photo for photo, tile in last.items() if tile == number]:
+                self.panorama.forget(photo)
 
     def pixels(self, region: Region) -> Samples:
         """RGB or RGBA (h, w, channels) of a region of the canvas."""
@@ -96,9 +102,15 @@ class Rendering:
 
     def whole(self, channels: int) -> Pixels:
         """The whole picture (h, w, channels) of 8 bits; a fourth channel that it does not have means nothing."""
-        picture = np.empty((self.crop.height, self.crop.width, channels), np.uint8)
-        for region, tile in self.map(lambda region, tile: (region, tile)):
-            picture[region.within(self.crop)][..., : self.channels] = tile
+        picture, tiles = np.empty((self.crop.height, self.crop.width, channels), np.uint8), tiles_of(self.crop)
+        if self.crop.width > self.crop.height:
+            tiles.sort(key=lambda tile: (tile.x, tile.y))  # photos are soon done with, and few are kept in memory
+        for region, tile in self.map(lambda region, tile: (region, tile), tiles):
+            place = picture[region.within(self.crop)]
+            if self.channels < channels:
+                cv2.cvtColor(tile, cv2.COLOR_RGB2RGBA, dst=place)
+            else:
+                place[...] = tile
         return picture
 
 

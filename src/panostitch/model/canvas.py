@@ -63,6 +63,16 @@ class Region:
             for x in range(self.x, self.right, width)
         ]
 
+    def halves(self, *, multiple: int) -> list["Region"]:
+        """The two halves of the longer side, cut at a coordinate that is a multiple of a number where there is one."""
+        down = self.height > self.width
+        start, side = (self.y, self.height) if down else (self.x, self.width)
+        cut = (start + side // 2) // multiple * multiple - start
+        cut = cut if cut > 0 else side // 2
+        if down:
+            return [replace(self, height=cut), replace(self, y=self.y + cut, height=side - cut)]
+        return [replace(self, width=cut), replace(self, x=self.x + cut, width=side - cut)]
+
     def divided(self, factor: int) -> "Region":
         """The region of a picture `factor` times smaller; coordinates must be multiples of it."""
         return Region(self.x // factor, self.y // factor, self.width // factor, self.height // factor)

@@ -44,10 +44,22 @@ def typical_cost(region: Region) -> int:
     return region.area * TYPICAL_COST
 
 
+def _none_known(region: Region) -> frozenset[int]:
+    del region
+    return frozenset()
+
+
+def keep(photo: int) -> None:
+    """Let go of nothing."""
+    del photo
+
+
 @dataclass(frozen=True)
 class Panorama:
     """A panorama: `read(region)` makes the pixels of any region of the canvas when they are asked for.
 
+    photos: from a region to the numbers of the photos that `read` looks at for it
+    forget: tells that the photo of this number will not be looked at again soon
     cost: from a region to the bytes of memory that `read` takes while it works, about
     kept: bytes that reads may leave behind in memory, for the reads that follow
     alignment: the photos and their cameras, as the canvas sees them; None where nothing is known of them
@@ -56,6 +68,8 @@ class Panorama:
     canvas: Canvas
     plan: Plan
     read: Callable[[Region], Layer]
+    photos: Callable[[Region], frozenset[int]] = _none_known
+    forget: Callable[[int], None] = keep
     cost: Callable[[Region], int] = typical_cost
     kept: int = 0
     alignment: Alignment | None = None

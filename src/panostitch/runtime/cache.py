@@ -33,6 +33,11 @@ class LastUsed(Generic[Value]):
                 self._shrink()
             return value
 
+    def forget(self, key: Hashable) -> None:
+        """Let go of a value that nobody will ask for soon."""
+        with self._lock:
+            self._values.pop(key, None)
+
     def _shrink(self) -> None:
         total = sum(self._size_of(value) for value in self._values.values())
         while total > self._budget and len(self._values) > 1:
