@@ -73,10 +73,10 @@ def cli() -> None:
 
 def main() -> None:
     """Run the command line and exit with the documented code."""
-    # Pairs of photos run in threads of our own; a product that starts threads as well only waits for them. NumPy reads
-    # this when it is loaded, which is later.
-    for library in ("OPENBLAS", "MKL"):
-        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    # Photos, pairs and tiles run in threads of our own; a product or a filter that starts threads as well only waits
+    # for them. The libraries read this when they are loaded, which is later.
+    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
+        os.environ.setdefault(name, "1")
     sys.exit(run(sys.argv[1:]))
 
 

@@ -1,5 +1,6 @@
 """A region of the panorama at full size: warp, light, seams, fine bands over what the low bands change."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 
@@ -23,9 +24,9 @@ INTERPOLATION = {
     "cubic": cv2.INTER_CUBIC,
     "lanczos": cv2.INTER_LANCZOS4,
 }
-LARGEST = 512  # px, longest side of what is made in one go
-SMALLEST = 256  # px, the same where there are seams
-IN_CACHE = 1 << 16  # px that are sampled and exposed in one go, while they are in the processor's cache
+LARGEST = 1 << 18  # px, most that is made in one go,
+IN_CACHE = 1 << 16  # and around seams, or sampled and exposed, while it is in the processor's cache
+SMALLEST = 128  # px: no side is cut that is no longer
 LABEL_MARGIN = 2  # px of the reduced canvas around a tile, so that enlarging needs no edge
 
 
@@ -51,7 +52,7 @@ class Work:
 
     @property
     def smallest(self) -> int:
-        """Side (px) down to which regions with seams are cut: smaller ones would be mostly halo."""
+        """Side (px) down to which regions are cut: smaller ones would be mostly halo."""
         return max(SMALLEST, 2 * self.halo * self.plan.factor)
 
     def around(self, region: Region) -> Region:
@@ -68,15 +69,11 @@ def compose(work: Work, region: Region) -> Layer:
 
     So it is cut where seams are, until little is left that more than one photo matters to.
     """
-    sight, layers = Sight(work, work.around(region)), []
-    rest = [region]
-    while rest:
-        part = rest.pop()
-        photos = sight.photos(work.around(part))
-        if max(part.width, part.height) > (LARGEST if len(photos) == 1 else work.smallest):
-            rest += part.halves(multiple=work.plan.factor)
-        else:
-            layers.append(_alone(sight, photos[0], part) if len(photos) == 1 else _joined(sight, photos, part))
+    sight = Sight(work, work.around(region))
+    layers = [
+        _alone(sight, photos[0], part) if len(photos) == 1 else _joined(sight, photos, part)
+        for part, photos in sight.parts(region)
+    ]
     return layers[0] if len(layers) == 1 else _together(region, layers)
 
 
@@ -113,6 +110,35 @@ class Sight:
         """The numbers of the photos that own something of a part."""
         labels = self.labels(tile)
         return [int(labels[0, 0])] if labels.min() == labels.max() else [int(n) for n in np.unique(labels)]
+
+    def parts(self, region: Region) -> Iterator[tuple[Region, list[int]]]:
+        """A region in parts that are best made in one go, each with its photos.
+
+        A part in which photos meet is cut in halves while that leaves fewer of them in one, or while it is large.
+        """
+        photos = self.photos(self.work.around(region))
+        halves = self._halves(region, photos)
+        if not halves:
+            yield region, photos
+        for half in halves:
+            yield from self.parts(half)
+
+    def _halves(self, region: Region, photos: list[int]) -> list[Region]:
+        """The halves of a region, cut so that they hold as few photos as possible; none where it stays whole."""
+        if len(photos) == 1 and region.area <= LARGEST:
+            return []
+        # the first one of those that leave as many counts
+        across = region.width >= region.height
+        sides = {1: region.width, 0: region.height} if across else {0: region.height, 1: region.width}
+        ways = [
+            region.halves(axis, multiple=self.work.plan.factor)
+            for axis, side in sides.items()
+            if side > self.work.smallest
+        ]
+        left = [sum(len(self.photos(self.work.around(half))) for half in way) for way in ways]
+        if not ways or (region.area <= IN_CACHE and min(left) == 2 * len(photos)):
+            return []
+        return ways[left.index(min(left))]
 
     def grid(self, photo: int, part: Region) -> Blocks:
         """Where a photo is seen in a part."""

@@ -63,13 +63,12 @@ class Region:
             for x in range(self.x, self.right, width)
         ]
 
-    def halves(self, *, multiple: int) -> list["Region"]:
-        """The two halves of the longer side, cut at a coordinate that is a multiple of a number where there is one."""
-        down = self.height > self.width
-        start, side = (self.y, self.height) if down else (self.x, self.width)
+    def halves(self, axis: int, *, multiple: int) -> list["Region"]:
+        """Upper and lower half (0) or left and right one (1), cut at a multiple of a number if that cuts anything."""
+        start, side = (self.y, self.height) if axis == 0 else (self.x, self.width)
         cut = (start + side // 2) // multiple * multiple - start
         cut = cut if cut > 0 else side // 2
-        if down:
+        if axis == 0:
             return [replace(self, height=cut), replace(self, y=self.y + cut, height=side - cut)]
         return [replace(self, width=cut), replace(self, x=self.x + cut, width=side - cut)]
 
