@@ -16,7 +16,7 @@ from panostitch.model.photo import Photo
 from panostitch.options import Options
 from panostitch.recognition import Recognition, recognise
 from panostitch.runtime.executor import Executor, serial
-from panostitch.runtime.memory import within
+from panostitch.runtime.memory import give_back, within
 from panostitch.runtime.trace import Trace, silent
 
 __all__ = ["Recognition", "align", "align_panorama", "left_out", "no_overlap", "recognise", "render"]
@@ -61,11 +61,13 @@ def render(alignment: Alignment, options: Options, *, run: Executor = serial, tr
 
     Raises LimitError where --max-memory does not suffice.
     """
+    give_back()
     alignment = look(alignment, options.layout)
     limit = options.output.memory
     run = within(run, limit, each=decoding_bytes(alignment.photos))
     canvas, crop = frame(alignment, options.layout, run=run, trace=trace)
     plan = make_plan(alignment, canvas, options.compositing, crop, run=run, trace=trace)
+    give_back()
     return make_panorama(alignment, canvas, plan, options.compositing, memory=limit)
 
 

@@ -13,7 +13,7 @@ from PIL import Image
 from panostitch import pipeline
 from panostitch.compositing import frame, lay_out
 from panostitch.compositing.view import look
-from panostitch.compositing.warp import blocks, coordinates, read_for, warp
+from panostitch.compositing.warp import blocks, read_for, warp
 from panostitch.geometry import rotation
 from panostitch.io.pto import read_pto, write_pto
 from panostitch.io.pto.canvas import NUMBERS
@@ -222,7 +222,7 @@ def test_nona_undoes_the_light_that_we_undo(truth, tmp_path):
         with Image.open(tmp_path / f"layer{n:04d}.tif") as image:
             theirs = np.asarray(image, np.float64)
         ours = warp(*read_for(photo, camera, canvas), canvas, canvas.region, interpolation=cv2.INTER_CUBIC)
-        x, y, _ = coordinates(blocks(camera, canvas, canvas.region))
+        x, y, _ = blocks(camera, canvas, canvas.region).coordinates
         square = radius_square(np.stack([x, y], axis=-1), camera.size)
         exposed = ours.pixels * light.gains[n] * light.brightening(n, np.minimum(square, 1))[..., None]
         inside = ours.mask & (theirs[..., 3] > 0) & (exposed.max(2) < 240)

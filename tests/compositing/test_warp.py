@@ -70,7 +70,7 @@ def inside(xy, size, margin=0.0):
 def test_coordinates_are_those_of_the_formula(projection, lens):
     camera, canvas = setting(projection, lens)
 
-    x, y, valid = warp.coordinates(warp.blocks(camera, canvas, canvas.region))
+    x, y, valid = warp.blocks(camera, canvas, canvas.region).coordinates
 
     truth = exact(camera, canvas, canvas.region)
     seen = inside(truth, SIZE)
@@ -88,7 +88,7 @@ def test_coordinates_where_projections_end(projection, towards):
     seen_so = look(alignment_of(cameras), options)
     camera, canvas = seen_so.cameras[["back", "up", "down"].index(towards)], lay_out(seen_so, options)
 
-    x, y, valid = warp.coordinates(warp.blocks(camera, canvas, canvas.region))
+    x, y, valid = warp.blocks(camera, canvas, canvas.region).coordinates
 
     truth = exact(camera, canvas, canvas.region)
     seen = inside(truth, SMALL)
@@ -101,7 +101,7 @@ def test_coordinates_of_a_photo_of_usual_size():
     camera, canvas = setting("cylindrical", "barrel", size=(2000, 1500), focal=2150.0)
     part = Region(900, 300, 1500, 1200)
 
-    x, y, _ = warp.coordinates(warp.blocks(camera, canvas, part))
+    x, y, _ = warp.blocks(camera, canvas, part).coordinates
 
     truth = exact(camera, canvas, part)
     seen = inside(truth, camera.size)
@@ -150,8 +150,8 @@ def test_one_pixel_is_noticed(shift):
 def test_a_part_has_the_coordinates_of_the_whole(projection, region):
     camera, canvas = setting(projection, "barrel")
 
-    whole = warp.coordinates(warp.blocks(camera, canvas, canvas.region))
-    part = warp.coordinates(warp.blocks(camera, canvas, region))
+    whole = warp.blocks(camera, canvas, canvas.region).coordinates
+    part = warp.blocks(camera, canvas, region).coordinates
 
     rows_columns = region.within(canvas.region)
     for a, b in zip(whole[:2], part[:2], strict=True):
@@ -169,7 +169,7 @@ def test_a_mesh_is_part_of_the_coordinates():
     plain, canvas = setting()
     camera = bent(plain)
 
-    x, y, _ = warp.coordinates(warp.blocks(camera, canvas, canvas.region))
+    x, y, _ = warp.blocks(camera, canvas, canvas.region).coordinates
 
     truth = exact(camera, canvas, canvas.region)
     seen = inside(truth, SIZE)
@@ -181,8 +181,8 @@ def test_a_mesh_is_the_same_in_every_part():
     camera, canvas = setting()
     region = Region(37, 11, 200, 150)
 
-    whole = warp.coordinates(warp.blocks(bent(camera), canvas, canvas.region))
-    part = warp.coordinates(warp.blocks(bent(camera), canvas, region))
+    whole = warp.blocks(bent(camera), canvas, canvas.region).coordinates
+    part = warp.blocks(bent(camera), canvas, region).coordinates
 
     for a, b in zip(whole[:2], part[:2], strict=True):
         np.testing.assert_allclose(b, a[region.within(canvas.region)], rtol=0, atol=SAME)
@@ -192,8 +192,8 @@ def test_parts_may_lie_beside_the_canvas():
     camera, canvas = setting()
     beside = Region(-40, -30, 100, 90)
 
-    part = warp.coordinates(warp.blocks(camera, canvas, beside))
-    whole = warp.coordinates(warp.blocks(camera, canvas, Region(0, 0, 60, 60)))
+    part = warp.blocks(camera, canvas, beside).coordinates
+    whole = warp.blocks(camera, canvas, Region(0, 0, 60, 60)).coordinates
 
     np.testing.assert_allclose(part[0][30:, 40:], whole[0], rtol=0, atol=SAME)
 

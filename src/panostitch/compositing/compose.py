@@ -96,6 +96,7 @@ class Sight:
     work: Work
     region: Region
     _grids: dict[int, Blocks] = field(default_factory=dict)
+    _photos: dict[Region, list[int]] = field(default_factory=dict)
 
     @cached_property
     def _labels(self) -> NDArray[np.int16]:
@@ -106,17 +107,20 @@ class Sight:
         small, whole = (r.divided(self.work.plan.factor).grown(LABEL_MARGIN) for r in (tile, self.region))
         return self._labels[small.within(whole)]
 
-    def photos(self, tile: Region) -> list[int]:
-        """The numbers of the photos that own something of a part."""
-        labels = self.labels(tile)
-        return [int(labels[0, 0])] if labels.min() == labels.max() else [int(n) for n in np.unique(labels)]
+    def photos(self, part: Region) -> list[int]:
+        """The numbers of the photos that a part is made of."""
+        if part not in self._photos:
+            labels = self.labels(self.work.around(part))
+            alone = labels.min() == labels.max()
+            self._photos[part] = [int(labels[0, 0])] if alone else [int(n) for n in np.unique(labels)]
+        return self._photos[part]
 
     def parts(self, region: Region) -> Iterator[tuple[Region, list[int]]]:
         """A region in parts that are best made in one go, each with its photos.
 
         A part in which photos meet is cut in halves while that leaves fewer of them in one, or while it is large.
         """
-        photos = self.photos(self.work.around(region))
+        photos = self.photos(region)
         halves = self._halves(region, photos)
         if not halves:
             yield region, photos
@@ -135,7 +139,7 @@ class Sight:
             for axis, side in sides.items()
             if side > self.work.smallest
         ]
-        left = [sum(len(self.photos(self.work.around(half))) for half in way) for way in ways]
+        left = [sum(len(self.photos(half)) for half in way) for way in ways]
         if not ways or (region.area <= IN_CACHE and min(left) == 2 * len(photos)):
             return []
         return ways[left.index(min(left))]

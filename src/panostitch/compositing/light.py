@@ -17,7 +17,7 @@ FARTHEST = 2.0  # square of a radius: coordinates go on beyond the photo, where 
 def factors(light: Light, photo: int, grid: Blocks) -> Floats:
     """What to multiply a photo by in a region of the canvas: (h, w, 3), or (3,) where there is no fall-off.
 
-    Exact on the coarse grid of `warp.coordinates`, bilinear between: the same whatever region is asked for.
+    Exact on the coarse grid of coordinates, bilinear between: the same whatever region is asked for.
     """
     gains = np.asarray(light.gains[photo], np.float32)
     if not light.has_fall_off(photo):

@@ -1,7 +1,7 @@
 """All that needs the whole picture at once, on a reduced canvas: light, seams, low bands of the blend, crop."""
 
 from collections.abc import Sequence
-from functools import cache, partial
+from functools import partial
 
 import cv2
 import numpy as np
@@ -15,7 +15,7 @@ from panostitch.compositing.exposure import EXPOSURE
 from panostitch.compositing.light import expose, with_fall_off
 from panostitch.compositing.overlaps import Squares
 from panostitch.compositing.seams import SEAMS, extend
-from panostitch.compositing.warp import blocks, coordinates, footprints, read_for, warp
+from panostitch.compositing.warp import footprints, read_for, warp_and_place
 from panostitch.errors import AlignmentError, UsageError
 from panostitch.model.alignment import Alignment
 from panostitch.model.camera import Camera
@@ -59,12 +59,10 @@ def make_plan(
     """
     factor = reduction(canvas)
     small = canvas.reduced(factor)
-    places = footprints(alignment.cameras, small)
-    pieces = _warp_all(alignment, small, places, run, trace)
+    pieces, squares = _warp_all(alignment, small, run, trace)
     if not pieces:
         raise AlignmentError("no photo falls on the canvas", hint="try another --projection")
     count = len(alignment.photos)
-    squares = _squares(alignment, small, places)
     light = EXPOSURE[options.exposure](lens_groups(alignment.photos), pieces, squares)
     exposed = [(n, _exposed(n, layer, light, squares)) for n, layer in pieces]
     labels = SEAMS[options.seams](small, exposed)
@@ -92,7 +90,7 @@ def make_plan(
 def coverage(alignment: Alignment, canvas: Canvas, *, run: Executor = serial) -> NDArray[np.bool_]:
     """Which pixels (h, w) of a canvas, reduced already, photos cover."""
     covered = np.zeros(canvas.size[::-1], bool)
-    for _, layer in _warp_all(alignment, canvas, footprints(alignment.cameras, canvas), run, silent):
+    for _, layer in _warp_all(alignment, canvas, run, silent)[0]:
         covered[layer.region.within(canvas.region)] |= layer.mask
     return covered
 
@@ -118,38 +116,35 @@ def _fully_covered(
     return bool(surely_covered(framed)[1:-1, 1:-1][crop.within(small.region)].all())
 
 
-def _warp_all(
-    alignment: Alignment, small: Canvas, places: Sequence[tuple[Region, ...]], run: Executor, trace: Trace
-) -> Placed:
-    """All photos on the reduced canvas, as (photo, layer): a photo may be in two pieces, or in none."""
+def _warp_all(alignment: Alignment, small: Canvas, run: Executor, trace: Trace) -> tuple[Placed, Squares]:
+    """All photos on the reduced canvas, as (photo, layer): one may be in two pieces, or in none; and their radii."""
     numbers = list(range(len(alignment.photos)))
-    work = partial(_warp_one, alignment, small, places)
+    work = partial(_warp_one, alignment, small, footprints(alignment.cameras, small))
     placed: Placed = []
-    for n, layers in zip(numbers, run.map(work, numbers, label="Planning"), strict=True):
+    radii: dict[int, list[tuple[Region, NDArray[np.float32]]]] = {}
+    for n, found in zip(numbers, run.map(work, numbers, label="Planning"), strict=True):
+        layers = [layer for layer, _ in found]
         trace("compositing.warped", index=n, photo=alignment.photos[n], layers=layers, canvas=small)
         placed += [(n, layer) for layer in layers if layer.mask.any()]
-    return placed
-
-
-def _warp_one(alignment: Alignment, small: Canvas, places: Sequence[tuple[Region, ...]], n: int) -> list[Layer]:
-    raster, camera = read_for(alignment.photos[n], alignment.cameras[n], small)
-    return [warp(raster, camera, small, region, interpolation=cv2.INTER_LINEAR) for region in places[n]]
-
-
-def _squares(alignment: Alignment, small: Canvas, places: Sequence[tuple[Region, ...]]) -> Squares:
-    """From a photo and a part of its places to the squares (h, w) of the radii; made once, when they are asked for."""
-
-    @cache
-    def whole(photo: int, place: Region) -> NDArray[np.float32]:
-        camera = alignment.cameras[photo]
-        x, y, _ = coordinates(blocks(camera, small, place))
-        return np.asarray(radius_square(np.stack([x, y], axis=-1).astype(np.float64), camera.size), np.float32)
+        radii[n] = [(layer.region, square) for layer, square in found]
 
     def squares(photo: int, region: Region) -> NDArray[np.float64]:
-        place = next(place for place in places[photo] if place & region == region)
-        return np.asarray(whole(photo, place)[region.within(place)], np.float64)
+        place, square = next((place, square) for place, square in radii[photo] if place & region == region)
+        return np.asarray(square[region.within(place)], np.float64)
 
-    return squares
+    return placed, squares
+
+
+def _warp_one(
+    alignment: Alignment, small: Canvas, places: Sequence[tuple[Region, ...]], n: int
+) -> list[tuple[Layer, NDArray[np.float32]]]:
+    """The pieces of a photo, with the squares (h, w) of the radii at which it sees their pixels."""
+    raster, camera = read_for(alignment.photos[n], alignment.cameras[n], small)
+    found = []
+    for region in places[n]:
+        layer, xy = warp_and_place(raster, camera, small, region, interpolation=cv2.INTER_LINEAR)
+        found.append((layer, np.asarray(radius_square(xy.astype(np.float64), camera.size), np.float32)))
+    return found
 
 
 def _exposed(photo: int, layer: Layer, light: Light, squares: Squares) -> Layer:

@@ -90,6 +90,23 @@ class Blocks:
         """Whether every pixel of the region lies in the photo: what is bilinear lies between its nodes."""
         return self.plain and bool((self.seen >= 0.5).all() and (self.seen <= np.array(self.camera.size) - 1.5).all())
 
+    @cached_property
+    def coordinates(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+        """Where (x, y, each (h, w) px of the photo) each pixel of the region is seen, and where that is known."""
+        seen = self.seen if self.plain else np.where(self.known[..., None], self.seen, -1e4)
+        x, y = (self.enlarged(np.asarray(seen[:, :, k], np.float32)) for k in (0, 1))
+        if self.plain:
+            return x, y, np.ones(x.shape, bool)
+        valid = np.asarray(self.enlarged(np.asarray(self.known, np.float32)) > 0.999)
+        if self.bent.any():
+            # bilinear as well: more than nothing in all blocks that have a bent node at a corner
+            down, right = np.nonzero(self.enlarged(np.asarray(self.bent, np.float32)) > 0)
+            at = np.column_stack([right + float(self.region.x), down + float(self.region.y)])
+            exact = _project(self.camera, self.canvas, at)
+            valid[down, right] = np.isfinite(exact).all(1)
+            x[down, right], y[down, right] = np.where(valid[down, right, None], exact, -1e4).T
+        return x, y, valid
+
     def part(self, region: Region) -> "Blocks":
         """The grid over a part of its region."""
         outer = region.grown(STEP, multiple=STEP)
@@ -118,21 +135,31 @@ def blocks(camera: Camera, canvas: Canvas, region: Region) -> Blocks:
 
 def warp(raster: Raster, camera: Camera, canvas: Canvas, region: Region, *, interpolation: int) -> Layer:
     """The part of a photo that falls into a region of the canvas."""
+    return warp_and_place(raster, camera, canvas, region, interpolation=interpolation)[0]
+
+
+def warp_and_place(
+    raster: Raster, camera: Camera, canvas: Canvas, region: Region, *, interpolation: int
+) -> tuple[Layer, NDArray[np.float32]]:
+    """The part of a photo that falls into a region of the canvas, and where (h, w, 2) px of the photo that is."""
     pixels = np.empty((region.height, region.width, 3), np.float32)
+    xy = np.empty((region.height, region.width, 2), np.float32)
     mask = np.empty((region.height, region.width), bool)
     for part in region.tiles(CHUNK):
-        layer, rows_columns = sample(raster, blocks(camera, canvas, part), interpolation), part.within(region)
-        pixels[rows_columns], mask[rows_columns] = layer.pixels, layer.mask
-    return Layer(region, pixels, mask)
+        grid, place = blocks(camera, canvas, part), part.within(region)
+        layer = sample(raster, grid, interpolation)
+        pixels[place], mask[place] = layer.pixels, layer.mask
+        xy[place] = np.stack(grid.coordinates[:2], axis=-1)
+    return Layer(region, pixels, mask), xy
 
 
 def sample(raster: Raster, grid: Blocks, interpolation: int) -> Layer:
     """A photo at the pixels of a grid's region, whose sides are at most `CHUNK`."""
-    x, y, valid = coordinates(grid)
+    x, y, valid = grid.coordinates
     pixels = np.asarray(cv2.remap(raster[0], x, y, interpolation, borderMode=cv2.BORDER_REPLICATE), np.float32)
     mask = valid if grid.surely_inside else valid & _between(x, grid.camera.size[0]) & _between(y, grid.camera.size[1])
     if raster[1] is not None:
-        mask &= cv2.remap(raster[1], x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) > 254
+        mask = mask & (cv2.remap(raster[1], x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) > 254)
     if raster[0].dtype == np.uint16:
         pixels *= DEEP
     return Layer(grid.region, pixels, mask)
@@ -140,23 +167,6 @@ def sample(raster: Raster, grid: Blocks, interpolation: int) -> Layer:
 
 def _between(x: NDArray[np.float32], side: int) -> NDArray[np.bool_]:
     return np.asarray(cv2.inRange(x, -0.5, side - 0.5) > 0)
-
-
-def coordinates(grid: Blocks) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
-    """Where (x, y, each (h, w) px of the photo) each pixel of a grid's region is seen, and where that is known."""
-    camera, canvas, region = grid.camera, grid.canvas, grid.region
-    seen = grid.seen if grid.plain else np.where(grid.known[..., None], grid.seen, -1e4)
-    x, y = (grid.enlarged(np.asarray(seen[:, :, k], np.float32)) for k in (0, 1))
-    if grid.plain:
-        return x, y, np.ones(x.shape, bool)
-    valid = np.asarray(grid.enlarged(np.asarray(grid.known, np.float32)) > 0.999)
-    if grid.bent.any():
-        # bilinear as well: more than nothing in all blocks that have a bent node at a corner
-        down, right = np.nonzero(grid.enlarged(np.asarray(grid.bent, np.float32)) > 0)
-        exact = _project(camera, canvas, np.column_stack([right + region.x, down + region.y]))
-        valid[down, right] = np.isfinite(exact).all(1)
-        x[down, right], y[down, right] = np.where(valid[down, right, None], exact, -1e4).T
-    return x, y, valid
 
 
 def _bent(nodes: Floats, camera: Camera) -> NDArray[np.bool_]:

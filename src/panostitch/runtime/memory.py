@@ -1,6 +1,8 @@
 """How much memory a run takes, and how many threads fit below a limit."""
 
+import ctypes
 import os
+from contextlib import suppress
 from dataclasses import replace
 
 from panostitch.errors import LimitError
@@ -18,6 +20,12 @@ def resident() -> int:
             return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except (OSError, ValueError, IndexError, AttributeError):
         return UNKNOWN
+
+
+def give_back() -> None:
+    """Return to the system what was freed: the C library keeps it for each thread, and little of it is used again."""
+    with suppress(OSError, AttributeError):  # not every system has glibc
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def within(run: Executor, limit: int | None, *, each: int, besides: int = 0, hint: str = "") -> Executor:
