@@ -24,7 +24,7 @@ def command(as_json: bool) -> int:
     from panostitch.runtime.executor import Executor
     from panostitch.runtime.machine import processors
 
-    checks = []
+    checks: list[Check] = []
     for check in examine(run=Executor(processors())):
         if not as_json:
             show_check(check, first=not checks or checks[-1].part != check.part)

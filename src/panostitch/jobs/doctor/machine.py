@@ -47,7 +47,9 @@ def _cores() -> Check:
     found = f"{count} of {whole} may be used, {platform.machine()}"
     if quota is not None and quota < count:
         threads = max(1, int(quota))
-        return Check(PART, "processors", "note", f"{found}; time of {quota:g} of them", f"use --threads {threads}", threads)
+        return Check(
+            PART, "processors", "note", f"{found}; time of {quota:g} of them", f"use --threads {threads}", threads
+        )
     return Check(PART, "processors", "ok", found, value=count)
 
 

@@ -31,7 +31,7 @@ HUGIN_INSTALL = "Debian, Ubuntu: sudo apt install hugin-tools enblend; else http
 TIMEOUT = 60  # s, for loading one package
 # What the messages of failed imports mean; the first that is found counts.
 CAUSES = {
-    r"lib(GL|EGL|gthread|SM|Xext|Xrender)[-.\d]*\.so": "an OpenCV with windows lies there, and this system has no display libraries",
+    r"lib(GL|EGL|gthread|SM|Xext|Xrender)[-.\d]*\.so": "this is an OpenCV with windows, for which this system lacks libraries",
     r"_ARRAY_API|numpy\.core\.multiarray|compiled using NumPy 1": "it was built for another NumPy",
     r"GLIBC": "it was built for a newer system",
 }
@@ -40,7 +40,9 @@ LONGEST = 200  # characters of what is said of a failed import
 
 def packages() -> Iterator[Check]:
     """Python, this program, and every package that it needs."""
-    yield Check(PACKAGES, "Python", "ok", f"{platform.python_version()} ({sys.executable})", value=platform.python_version())
+    yield Check(
+        PACKAGES, "Python", "ok", f"{platform.python_version()} ({sys.executable})", value=platform.python_version()
+    )
     try:
         own = metadata.version(NAME)
     except metadata.PackageNotFoundError:
@@ -66,7 +68,9 @@ def _package(requirement: Requirement) -> Check:
         return Check(PACKAGES, name, "failed", "not installed", pip(f"{name}{requirement.specifier}"))
     loaded, failure = _load(MODULES.get(name, name.replace("-", "_")))
     if failure:
-        return Check(PACKAGES, name, "failed", f"{version} cannot be loaded: {_explained(failure)}", _anew(name), version)
+        return Check(
+            PACKAGES, name, "failed", f"{version} cannot be loaded: {_explained(failure)}", _anew(name), version
+        )
     if not requirement.specifier.contains(version, prereleases=True):
         older = f"{version}, {requirement.specifier} is needed"
         return Check(PACKAGES, name, "failed", older, pip(f"{name}{requirement.specifier}"), version)
@@ -134,7 +138,9 @@ def extras() -> Iterator[Check]:
     for extra in names:
         absent = [r.name for r in needed(extra) if _version(r.name) is None]
         if absent:
-            yield Check(EXTRAS, f"extra {extra}", "missing", f"without {', '.join(absent)}", pip(f"{_source()}[{extra}]"))
+            yield Check(
+                EXTRAS, f"extra {extra}", "missing", f"without {', '.join(absent)}", pip(f"{_source()}[{extra}]")
+            )
         else:
             yield Check(EXTRAS, f"extra {extra}", "ok", f"{len(needed(extra))} packages")
 

@@ -1,4 +1,4 @@
-"""What works is tried: every format is written and read, every detector looks at a picture, a known scene is stitched."""
+"""Everything is tried: formats are written and read, detectors look at a picture, a known scene is stitched."""
 
 import os
 import tempfile
@@ -21,6 +21,7 @@ from panostitch.jobs.doctor.check import Check, tried
 from panostitch.jobs.selftest import BOUNDS, CONDITIONS, QUICK_SIZE, computed_scene, photograph
 from panostitch.model.camera import Camera
 from panostitch.model.canvas import Canvas, Layer, Region
+from panostitch.model.light import unchanged
 from panostitch.model.panorama import Panorama, Plan
 from panostitch.options import Options, OutputOptions
 from panostitch.runtime.executor import Executor
@@ -41,7 +42,9 @@ FAITHFUL = 2.0  # grey levels, mean difference of panorama and scene: 0.7 seen, 
 def formats() -> Iterator[Check]:
     """Every format and depth: written and read again, or only read where panoramas are not written in it."""
     kinds = Image.registered_extensions()
-    written = {(kinds.get(ext, ext), depth): ext for ext in EXTENSIONS for depth in (8, 16) if depth == 8 or ext in DEEP}
+    written = {
+        (kinds.get(ext, ext), depth): ext for ext in EXTENSIONS for depth in (8, 16) if depth == 8 or ext in DEEP
+    }
     only_read = {(kind, 8): "" for kind in FORMATS if (kind, 8) not in written}
     with tempfile.TemporaryDirectory(prefix="panostitch-doctor-") as folder:
         for (kind, depth), extension in {**written, **only_read}.items():
@@ -55,7 +58,7 @@ def _format(name: str, kind: str, depth: int, path: str) -> Check:
     if path.endswith(".picture"):
         Image.fromarray(np.rint(truth).astype(np.uint8)).save(path, format=kind)
     else:
-        plan = Plan(np.ones(1), 1, np.zeros((1, 1), np.int16), (), Region(0, 0, *SIZE), "", covered=True)
+        plan = Plan(unchanged(0), 1, np.zeros((1, 1), np.int16), (), Region(0, 0, *SIZE), "", covered=True)
         picture = Panorama(Canvas("cylindrical", 100.0, (0.0, 0.0), SIZE), plan, _ramps)
         write_panorama(picture, path, OutputOptions(depth="16" if depth == 16 else "8"))
     photo = open_photo(path)
@@ -88,7 +91,9 @@ def _detector(name: str, grey: NDArray[np.uint8]) -> Check:
 def scene(run: Executor) -> Iterator[Check]:
     """A known scene: photographed, aligned, rendered, and compared with what it is."""
     remedy = "report it, with the output of `panostitch doctor --json`"
-    cameras, photos = photograph(PLAN, replace(CONDITIONS, exposure_step=0.0, vignetting=0.0, noise=0.0), size=QUICK_SIZE, run=run)
+    cameras, photos = photograph(
+        PLAN, replace(CONDITIONS, exposure_step=0.0, vignetting=0.0, noise=0.0), size=QUICK_SIZE, run=run
+    )
     found: list[Panorama] = []
 
     def align() -> Check:
@@ -111,7 +116,7 @@ def scene(run: Executor) -> Iterator[Check]:
 
 
 def _difference(panorama: Panorama, cameras: list[Camera], run: Executor) -> float:
-    """Mean difference in grey levels of a panorama and what the scene has there; its world is that of the first photo."""
+    """Mean difference in grey levels of a panorama and what the scene has there; the first photo joins their worlds."""
     assert panorama.alignment is not None
     pixels, mask = assemble(panorama, run=run)
     crop, texture = panorama.plan.crop, computed_scene(PLAN, cameras)
@@ -119,5 +124,7 @@ def _difference(panorama: Panorama, cameras: list[Camera], run: Executor) -> flo
     turn = panorama.alignment.cameras[0].cam_from_world.T @ cameras[0].cam_from_world
     rays = panorama.canvas.rays(np.column_stack([x + crop.x, y + crop.y]).astype(np.float64)) @ turn
     at = texture.coordinates(rays).T[::-1]
-    truth = np.column_stack([map_coordinates(texture.texture[..., c].astype(np.float32), at, order=1) for c in range(3)])
+    truth = np.column_stack(
+        [map_coordinates(texture.texture[..., c].astype(np.float32), at, order=1) for c in range(3)]
+    )
     return float(np.abs(truth - pixels[y, x])[mask[y, x] > 0].mean())
