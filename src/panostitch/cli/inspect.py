@@ -27,9 +27,12 @@ def command(file: str, as_json: bool) -> int:
     from panostitch.cli.terminal import print_json, show_facts
     from panostitch.errors import EXIT_OK
     from panostitch.io.inspection import inspect_picture
-    from panostitch.jobs.inspect import inspect_project, is_project
+    from panostitch.io.project import EXTENSION as OURS
+    from panostitch.io.pto import EXTENSION as HUGINS
 
-    if is_project(file):
+    if file.lower().endswith((OURS, HUGINS)):
+        from panostitch.jobs.inspect import inspect_project
+
         project = inspect_project(file)
         data, facts = project_json(project), project_facts(project)
     else:
@@ -48,31 +51,34 @@ def picture_facts(picture: "Picture") -> Facts:
     facts = [
         ("file", f"{picture.path}: {picture.format}, {_megabytes(picture.bytes)}"),
         ("size", f"{width} x {height} px ({picture.megapixels:.1f} megapixels)"),
-        ("pixels", f"{picture.bits} bits, {picture.channels}"),
+        ("pixels", f"{picture.bits} bit{'s' * (picture.bits > 1)} a channel, {picture.channels}"),
         ("stored as", picture.storage),
         ("smaller copies", _copies(picture.levels)),
         ("projection", picture.sphere.projection if picture.sphere else ""),
-        ("field of view", _degrees(picture.field_of_view) + ("" if picture.sphere else " by its lens"))
-        if picture.field_of_view
-        else None,
-        ("heading", f"{picture.sphere.heading:g} degrees from north" if _heading(picture) is not None else ""),
+        ("field of view", _field(picture)),
+        ("heading", _heading(picture)),
         *_shot_facts(picture.shot),
         ("empty", _emptiness(picture.border) if picture.border else picture.note),
     ]
-    return [fact for fact in facts if fact and fact[1]]
+    return [fact for fact in facts if fact[1]]
 
 
-def _heading(picture: "Picture") -> float | None:
-    return picture.sphere.heading if picture.sphere else None
+def _field(picture: "Picture") -> str:
+    if picture.field_of_view is None:
+        return ""
+    return _degrees(picture.field_of_view) + ("" if picture.sphere else ", by its focal length")
+
+
+def _heading(picture: "Picture") -> str:
+    heading = picture.sphere.heading if picture.sphere else None
+    return "" if heading is None else f"{heading:g} degrees from north"
 
 
 def _shot_facts(shot: "Shot") -> Facts:
     place = shot.position
-    turned = (
-        f"EXIF orientation {shot.orientation}: sides are those of the stored pixels" if shot.orientation != 1 else ""
-    )
+    turned = f"to be turned by EXIF ({shot.orientation}); sides are those of the stored pixels"
     return [
-        ("orientation", turned),
+        ("orientation", turned if shot.orientation != 1 else ""),
         ("camera and lens", shot.lens),
         ("exposure", shot.exposure),
         ("taken", shot.taken),

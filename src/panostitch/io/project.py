@@ -83,7 +83,7 @@ def _read(path: str, photo: Callable[[dict[str, Any], str], Photo]) -> Alignment
             cameras=tuple(camera_from_json(entry) for entry in data["photos"]),
             links=_links(data["links"], len(data["photos"])),
             dropped=_links(data["dropped"], len(data["photos"])),
-            left_out=tuple(LeftOut(p["name"], p["reason"], tuple(p["details"]), p["hint"]) for p in data["left_out"]),
+            left_out=tuple(_left_out(entry) for entry in data["left_out"]),
             rms=float(data["rms"]),
             p95=float(data["p95"]),
             reason=str(data["reason"]),
@@ -99,6 +99,10 @@ def _read(path: str, photo: Callable[[dict[str, Any], str], Photo]) -> Alignment
     except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
         what = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise InputError(f"{path}: not a sound project file: {what}") from None
+
+
+def _left_out(entry: dict[str, Any]) -> LeftOut:
+    return LeftOut(str(entry["name"]), str(entry["reason"]), tuple(map(str, entry["details"])), str(entry["hint"]))
 
 
 def _links(entries: list[dict[str, Any]], count: int) -> tuple[LinkSummary, ...]:

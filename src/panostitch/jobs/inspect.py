@@ -18,7 +18,7 @@ class Project:
 
     bytes:  of the file
     canvas: (width, height) px of the whole canvas with default options, before the crop; None where it has none
-    field_of_view: degrees across and down of that canvas; None for a flat subject, and where the middle of an edge is empty
+    field_of_view: degrees across and down of that canvas; None for a flat subject, and where an edge shows nothing
     projection, reason: of that canvas; or no projection, and the reason why there is no canvas
     missing: what is wrong with its photos, a line each
     """
@@ -34,18 +34,10 @@ class Project:
     missing: tuple[str, ...]
 
 
-def is_project(path: str) -> bool:
-    """Whether a file is a project by its name."""
-    return path.lower().endswith((project.EXTENSION, hugin.EXTENSION))
-
-
 def inspect_project(path: str) -> Project:
     """Look at a project. Photos of ours may be missing; Hugin's is not understood without them. Raises InputError."""
-    if path.lower().endswith(hugin.EXTENSION):
-        kind, alignment, missing = "Hugin project", hugin.read_pto(path), ()
-    else:
-        kind = "panostitch project"
-        alignment, missing = project.peek_project(path)
+    kind = "Hugin project" if path.lower().endswith(hugin.EXTENSION) else "panostitch project"
+    alignment, missing = (hugin.read_pto(path), ()) if kind == "Hugin project" else project.peek_project(path)
     size, field, projection = None, None, ""
     try:
         canvas = lay_out(alignment, LayoutOptions())

@@ -42,7 +42,7 @@ def _pieces(path: str, kind: str, size: tuple[int, int], *, alpha: bool) -> Iter
     if kind in ("JPEG", "MPO"):
         return _reduced_jpeg(path)
     if kind == "TIFF":
-        found = tiff_pages.pieces(path)
+        found = tiff_pages.pieces(path, most=MOST)
         if found is not None:
             return found
     if kind == "PNG":
@@ -52,7 +52,7 @@ def _pieces(path: str, kind: str, size: tuple[int, int], *, alpha: bool) -> Iter
         if header.in_strips and area <= MOST and not _has_transparent_colour(path):
             return _png(path)
     if area > MOST_WHOLE:
-        return f"not looked for: a {kind} of this kind and size would have to be decoded in one piece"
+        return f"not looked for: a {kind} of this kind and size is not decoded"
     return _whole_tiff(path) if kind == "TIFF" else _whole(path, alpha=alpha)
 
 
@@ -60,7 +60,7 @@ def _reduced_jpeg(path: str) -> Iterator[Piece] | str:
     """Grey, reduced by the decoder."""
     with Image.open(path, formats=FORMATS) as image:
         if image.info.get("progressive") and image.size[0] * image.size[1] > MOST_WHOLE:
-            return "not looked for: a progressive JPEG of this size would have to be decoded in one piece"
+            return "not looked for: a progressive JPEG of this size is not decoded"
     return _jpeg(path)
 
 

@@ -1,5 +1,6 @@
 """How a TIFF is made, and its pixels tile by tile."""
 
+import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -10,11 +11,14 @@ from numpy.typing import NDArray
 
 from panostitch.model.canvas import Region
 
+logging.getLogger("tifffile").addHandler(logging.NullHandler())  # what it says of damaged files, we say by exceptions
+
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 # Of these, tifffile needs no further library: none, deflate, PackBits.
 COMPRESSIONS = (1, 8, 32946, 32773)
 LARGEST_SEGMENT = 256 << 20  # bytes
 QUICK = 100e6  # px that are looked at without thinking; of larger pictures a smaller copy, if there is one
+COLOURS = {0: "grey", 1: "grey", 2: "RGB"}
 INVERTED, GREY, RGB, INTERLEAVED = 0, 1, 2, 1  # photometric interpretations; planar configuration
 
 
@@ -46,32 +50,35 @@ def is_tiff(path: str) -> bool:
 def read_layout(path: str) -> TiffLayout:
     """How a TIFF is made. Raises whatever tifffile does where it is damaged."""
     with tifffile.TiffFile(path) as file:
-        page = file.pages.first
+        try:
+            page = file.pages.first
+        except (IndexError, KeyError):
+            raise ValueError("it has no directory") from None
         if not (page.imagewidth > 0 and page.imagelength > 0):
             raise ValueError("it has no picture")
-        alpha = _alpha(page)
-        colours = _name(page.photometric).lower().replace("miniswhite", "grey").replace("minisblack", "grey")
         return TiffLayout(
             "BigTIFF" if file.is_bigtiff else "TIFF",
             (page.imagewidth, page.imagelength),
             int(page.bitspersample),
-            f"{page.samplesperpixel} ({'RGB' if colours == 'rgb' else colours}{' and alpha' if alpha else ''})",
-            alpha,
+            _channels(page),
+            _alpha(page),
             tuple((small.imagewidth, small.imagelength) for small in _copies(page)),
             _storage(page),
         )
 
 
-def pieces(path: str) -> Iterator[tuple[int, tuple[int, int], Region, NDArray[Any]]] | None:
+def pieces(path: str, *, most: float) -> Iterator[tuple[int, tuple[int, int], Region, NDArray[Any]]] | None:
     """Step, size (px of this level), place and pixels (h, w, channels) of each tile; None where it cannot be done.
 
     The pixels are those of the picture, or of the first of its smaller copies that is quickly looked at, each of whose
-    pixels is `step` px wide. Black is 0.
+    pixels is `step` px wide. Black is 0. More than `most` pixels are not looked at.
     """
     with tifffile.TiffFile(path) as file:
         page, step = _level(file.pages.first)
         known = page.compression in COMPRESSIONS and page.photometric in (INVERTED, GREY, RGB)
         plain = page.planarconfig == INTERLEAVED and page.dtype is not None and page.bitspersample in (8, 16, 32)
+        if page.imagewidth * page.imagelength > most:
+            return None
         if not known or not plain or _segment_bytes(page) > LARGEST_SEGMENT:
             return None
     return _pieces(path, step)
@@ -117,6 +124,12 @@ def _segment_bytes(page: Any) -> int:
 
 def _alpha(page: Any) -> bool:
     return any(_name(kind) in ("ASSOCALPHA", "UNASSALPHA") for kind in page.extrasamples)
+
+
+def _channels(page: Any) -> str:
+    colours = COLOURS.get(page.photometric) or _name(page.photometric).lower()
+    others = len(page.extrasamples) - _alpha(page)
+    return colours + " and alpha" * _alpha(page) + (f" and {others} more" if others else "")
 
 
 def _storage(page: Any) -> str:

@@ -31,7 +31,7 @@ HUGIN_INSTALL = "Debian, Ubuntu: sudo apt install hugin-tools enblend; else http
 TIMEOUT = 60  # s, for loading one package
 # What the messages of failed imports mean; the first that is found counts.
 CAUSES = {
-    r"lib(GL|EGL|gthread|SM|Xext|Xrender)[-.\d]*\.so": "this is an OpenCV with windows, for which this system lacks libraries",
+    r"lib(GL|EGL|gthread|SM|Xext|Xrender)[-.\d]*\.so": "an OpenCV with windows, which this system has not",
     r"_ARRAY_API|numpy\.core\.multiarray|compiled using NumPy 1": "it was built for another NumPy",
     r"GLIBC": "it was built for a newer system",
 }
