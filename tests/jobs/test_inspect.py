@@ -70,13 +70,14 @@ def test_a_photo_that_is_missing_is_told_and_the_rest_is_known(project):
 
 
 def test_cameras_that_make_no_canvas_are_told_with_the_reason(project):
-    def apart(data):
-        data["photos"][0]["focal"] = 1e7
+    def flat(data):
+        data["model"] = "homography"
+        data["photos"][0]["cam_from_world"] = [[0, 0, 1], [0, 1, 0], [-1, 0, 0]]
 
-    found = inspect_project(changed(project, "apart.pano.json", apart))
+    found = inspect_project(changed(project, "apart.pano.json", flat))
 
-    assert (found.canvas is None) == (found.projection == "")
-    assert found.reason
+    assert (found.canvas, found.field_of_view, found.projection) == (None, None, "")
+    assert "horizon of the plane" in found.reason
 
 
 DAMAGE = {
