@@ -44,4 +44,4 @@ def _loaded(part: str, checks: Callable[[], Iterator[Check]]) -> Iterator[Check]
     try:
         yield from checks()
     except Exception as error:  # as in `tried`
-        yield Check(part, part, "failed", f"{type(error).__name__}: {error}", "install panostitch anew")
+        yield Check(part, part, "failed", f"{type(error).__name__}: {error}", packages.this_program())

@@ -138,9 +138,7 @@ def extras() -> Iterator[Check]:
     for extra in names:
         absent = [r.name for r in needed(extra) if _version(r.name) is None]
         if absent:
-            yield Check(
-                EXTRAS, f"extra {extra}", "missing", f"without {', '.join(absent)}", pip(f"{_source()}[{extra}]")
-            )
+            yield Check(EXTRAS, f"extra {extra}", "missing", f"without {', '.join(absent)}", this_program(extra))
         else:
             yield Check(EXTRAS, f"extra {extra}", "ok", f"{len(needed(extra))} packages")
 
@@ -162,11 +160,16 @@ def pip(*arguments: str) -> str:
     return shlex.join([sys.executable, "-m", "pip", "install", *arguments])
 
 
-def _source() -> str:
-    """What pip is to be told for this program: the folder that it was installed from, or its name."""
-    origin = json.loads(metadata.distribution(NAME).read_text("direct_url.json") or "{}")
-    url = urlsplit(origin.get("url", ""))
-    return unquote(url.path) if url.scheme == "file" and "dir_info" in origin else NAME
+def this_program(extra: str = "") -> str:
+    """The line that installs this program as it was installed, with what it needs, and an extra."""
+    try:
+        origin = json.loads(metadata.distribution(NAME).read_text("direct_url.json") or "{}")
+    except (metadata.PackageNotFoundError, ValueError):
+        origin = {}
+    url, folder = urlsplit(origin.get("url", "")), origin.get("dir_info")
+    name = NAME if folder is None or url.scheme != "file" else unquote(url.path)
+    editable = ["--editable"] if folder and folder.get("editable") else []
+    return pip(*editable, f"{name}[{extra}]" if extra else name)
 
 
 def _version(name: str) -> str | None:
