@@ -69,13 +69,13 @@ def _package(requirement: Requirement) -> Check:
     loaded, failure = _load(MODULES.get(name, name.replace("-", "_")))
     if failure:
         return Check(
-            PACKAGES, name, "failed", f"{version} cannot be loaded: {_explained(failure)}", _anew(name), version
+            PACKAGES, name, "failed", f"{version} cannot be loaded: {_explained(failure)}", anew(name), version
         )
     if not requirement.specifier.contains(version, prereleases=True):
         older = f"{version}, {requirement.specifier} is needed"
         return Check(PACKAGES, name, "failed", older, pip(f"{name}{requirement.specifier}"), version)
     if name == OPENCV and not version.startswith(loaded):
-        return Check(PACKAGES, name, "failed", f"{version} was overwritten by an OpenCV {loaded}", _anew(name), version)
+        return Check(PACKAGES, name, "failed", f"{version} was overwritten by an OpenCV {loaded}", anew(name), version)
     return Check(PACKAGES, name, "ok", version, value=version)
 
 
@@ -87,11 +87,11 @@ def _opencvs() -> Iterator[Check]:
             "one OpenCV only",
             "note",
             f"{', '.join(found)} are all installed, and overwrite each other: the last one that was installed is used",
-            _anew(OPENCV),
+            anew(OPENCV),
         )
 
 
-def _anew(name: str) -> str:
+def anew(name: str) -> str:
     """The line that repairs a package; of OpenCV, all that share its folder have to go first."""
     if name != OPENCV:
         return pip("--force-reinstall", "--no-deps", name)

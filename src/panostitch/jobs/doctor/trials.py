@@ -18,7 +18,7 @@ from panostitch.io.limits import DEEP
 from panostitch.io.readers import FORMATS, open_photo
 from panostitch.io.writers import EXTENSIONS, assemble, write_panorama
 from panostitch.jobs.doctor.check import Check, tried
-from panostitch.jobs.doctor.packages import OPENCV, pip
+from panostitch.jobs.doctor.packages import OPENCV, anew
 from panostitch.jobs.selftest import BOUNDS, CONDITIONS, QUICK_SIZE, computed_scene, photograph
 from panostitch.model.camera import Camera
 from panostitch.model.canvas import Canvas, Layer, Region
@@ -35,10 +35,14 @@ SIZE = (96, 64)  # px of the picture that is written
 LOSSY = {"JPEG": 6, "WEBP": 6, "JPEG2000": 6}  # grey levels by which a smooth picture may change; others keep every one
 TEXTURE, SEED = (512, 256), 7  # px
 FEATURES, FEWEST = 200, 50  # key points asked for, and found at least
-ANEW = pip("--force-reinstall", "pillow", OPENCV)  # what decoders, encoders and detectors come with
 PLAN = "pair"
 STEP = 4  # px between those that are compared with the scene
 FAITHFUL = 2.0  # grey levels, mean difference of panorama and scene: 0.7 seen, 30 if it were 8 px off
+
+
+def coders_anew() -> str:
+    """The line that repairs what pictures are encoded and decoded with."""
+    return f"{anew(OPENCV)} && {anew('pillow')}"
 
 
 def formats() -> Iterator[Check]:
@@ -52,7 +56,7 @@ def formats() -> Iterator[Check]:
         for (kind, depth), extension in {**written, **only_read}.items():
             name = f"{kind}, {depth} bits"
             trial = partial(_format, name, kind, depth, os.path.join(folder, f"{depth}{extension or '.picture'}"))
-            yield tried("formats", name, trial, remedy=ANEW)
+            yield tried("formats", name, trial, remedy=coders_anew())
 
 
 def _format(name: str, kind: str, depth: int, path: str) -> Check:
@@ -67,7 +71,9 @@ def _format(name: str, kind: str, depth: int, path: str) -> Check:
     pixels = photo.deep.read()[0] / 257 if depth == 16 and photo.deep else photo.source.read()[0]
     off = float(np.abs(pixels - (truth if depth == 16 else np.rint(truth))).max())
     if off > LOSSY.get(kind, 0.5):
-        return Check("formats", name, "failed", f"what is read is {off:.0f} grey levels off what was written", ANEW)
+        return Check(
+            "formats", name, "failed", f"what is read is {off:.0f} grey levels off what was written", coders_anew()
+        )
     return Check("formats", name, "ok", "read" if path.endswith(".picture") else "written and read")
 
 
@@ -82,13 +88,13 @@ def detectors() -> Iterator[Check]:
     """Each detector on a small picture. Values are key points."""
     grey = np.asarray(cv2.cvtColor(procedural_texture(*TEXTURE, SEED), cv2.COLOR_RGB2GRAY), np.uint8)
     for name in DETECTORS:
-        yield tried("detectors", name, partial(_detector, name, grey), remedy=ANEW)
+        yield tried("detectors", name, partial(_detector, name, grey), remedy=anew(OPENCV))
 
 
 def _detector(name: str, grey: NDArray[np.uint8]) -> Check:
     count = len(DETECTORS[name](grey, FEATURES).xy)
     if count < FEWEST:
-        return Check("detectors", name, "failed", f"{count} key points only", ANEW, count)
+        return Check("detectors", name, "failed", f"{count} key points only", anew(OPENCV), count)
     return Check("detectors", name, "ok", f"{count} key points", value=count)
 
 
