@@ -48,6 +48,7 @@ def exit_codes_page() -> str:
         errors.EXIT_BUG: "a bug, or a failed selftest; a bug says where its log lies",
         errors.EXIT_LEFT_OUT: "the panorama is written, but photos were left out; each is named with the reason",
         errors.EXIT_BATCH_FAILED: "batch: some panoramas failed; the table and `--json` have the code of each",
+        errors.EXIT_DAMAGED: "the installation is damaged; `panostitch doctor` says what to do",
         errors.EXIT_INTERRUPTED: "interrupted",
     }
     for error in errors.PanostitchError.__subclasses__():

@@ -9,7 +9,8 @@ PanostitchError
 └── OutputError            8   the output cannot be written, or exists already
 
 Exit code 0 means that every photo is in the panorama, 1 is a bug, 3 says that a panorama was written without
-some of the photos, 10 that some panoramas of a batch failed, and 130 that the user interrupted the run.
+some of the photos, 10 that some panoramas of a batch failed, 11 that the installation is damaged, and 130 that the user
+interrupted the run.
 """
 
 from typing import ClassVar
@@ -18,6 +19,7 @@ EXIT_OK = 0
 EXIT_BUG = 1
 EXIT_LEFT_OUT = 3
 EXIT_BATCH_FAILED = 10
+EXIT_DAMAGED = 11
 EXIT_INTERRUPTED = 130
 
 

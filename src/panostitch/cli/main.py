@@ -12,7 +12,8 @@ from typing import Any
 
 import click
 
-from panostitch.errors import EXIT_BUG, EXIT_INTERRUPTED, PanostitchError
+from panostitch.cli.terminal import say_error
+from panostitch.errors import EXIT_BUG, EXIT_DAMAGED, EXIT_INTERRUPTED, PanostitchError
 
 # Name of a command: its module and one line of help.
 COMMANDS = {
@@ -22,6 +23,8 @@ COMMANDS = {
     "batch": "A panorama of every sub-folder of a folder.",
     "compare": "The same photos by cv2.Stitcher and by panostitch, side by side.",
     "selftest": "Photograph known scenes and state the true error.",
+    "doctor": "Whether everything works here, and how to repair what does not.",
+    "inspect": "What a panorama, a photo or a project file holds.",
 }
 DEFAULT = "stitch"
 EXAMPLE = """\b
@@ -91,10 +94,10 @@ def run(arguments: list[str]) -> int:
         click.echo("interrupted; no half-written panorama is left behind", err=True)
         return EXIT_INTERRUPTED
     except PanostitchError as error:
-        from panostitch.cli.report import say_error
-
         say_error(error)
         return error.exit_code
+    except ImportError as error:
+        return _report_bug() if (error.name or "").startswith("panostitch") else _report_damage(error)
     except BrokenPipeError:
         # the reader of our output went away: nobody is left to tell
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -102,6 +105,12 @@ def run(arguments: list[str]) -> int:
     except Exception:
         return _report_bug()
     return int(code or 0)
+
+
+def _report_damage(error: ImportError) -> int:
+    click.echo(f"error: a part of the installation cannot be loaded: {error}", err=True)
+    click.echo("  next: `panostitch doctor` says which, and how to repair it", err=True)
+    return EXIT_DAMAGED
 
 
 def _report_bug() -> int:

@@ -1,14 +1,14 @@
 """What is said on standard error, and as JSON on standard output."""
 
-import json
 import math
-import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import click
-
-from panostitch.errors import EXIT_LEFT_OUT, EXIT_OK, PanostitchError
+# what is said and what says it come from one place
+from panostitch.cli.terminal import print_json as print_json
+from panostitch.cli.terminal import say as say
+from panostitch.cli.terminal import say_table as say_table
+from panostitch.errors import EXIT_LEFT_OUT, EXIT_OK
 from panostitch.io.forecast import Forecast
 from panostitch.model.alignment import Alignment, LeftOut, LinkSummary, LocalWarp
 from panostitch.model.panorama import Panorama
@@ -19,25 +19,6 @@ if TYPE_CHECKING:
     from panostitch.io.writers import Written
 
 NOWHERE_NEAR = 1000.0  # px; from here on the figure says nothing more
-
-
-def printable(text: str) -> str:
-    """Text of files and metadata without control characters, which could rewrite the terminal."""
-    return "".join(c if c.isprintable() else "?" for c in text)
-
-
-def say(text: str) -> None:
-    """A line on standard error."""
-    click.echo(printable(text), err=True)
-
-
-def say_error(error: PanostitchError) -> None:
-    """One line that says what, which file and why; below it the evidence and the next thing to try."""
-    say(f"error: {error.message}")
-    for line in error.details:
-        say(f"  {line}")
-    if error.hint:
-        say(f"  next: {error.hint}")
 
 
 def say_alignment(alignment: Alignment, *, verbose: int) -> None:
@@ -161,19 +142,6 @@ def say_panorama(panorama: Panorama, path: str, written: "Written") -> None:
         say(f"note: {path}: {note}")
 
 
-def say_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Rows in aligned columns under a head; columns of numbers stand to the right."""
-    columns = list(zip(head, *rows, strict=True))
-    widths = [max(map(len, column)) for column in columns]
-    numeric = [all(cell[:1].isdigit() or cell in ("-", "inf") for cell in column[1:]) for column in columns]
-    for row in (head, *rows):
-        cells = (
-            cell.rjust(width) if right else cell.ljust(width)
-            for cell, width, right in zip(row, widths, numeric, strict=True)
-        )
-        say("  ".join(cells).rstrip())
-
-
 def result(
     alignment: Alignment,
     panorama: Panorama | None = None,
@@ -222,12 +190,6 @@ def _inclusion(alignment: Alignment) -> list[dict[str, Any]]:
             }
         )
     return rows
-
-
-def print_json(data: Any) -> None:
-    """JSON on standard output."""
-    json.dump(data, sys.stdout, indent=1)
-    sys.stdout.write("\n")
 
 
 def exit_code(alignment: Alignment) -> int:

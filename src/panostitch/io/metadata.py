@@ -44,8 +44,8 @@ def read_metadata(image: Image) -> Metadata:
     orientation, notes = _orientation(tag, image.size)
     width, height = image.size
     size = (height, width) if orientation in TRANSPOSED else (width, height)
-    length = _positive(tags.get(ExifTags.Base.FocalLength))
-    words = (_words(tags.get(tag)) for tag in (ExifTags.Base.Make, ExifTags.Base.Model, ExifTags.Base.LensModel))
+    length = positive(tags.get(ExifTags.Base.FocalLength))
+    words = (words_of(tags.get(tag)) for tag in (ExifTags.Base.Make, ExifTags.Base.Model, ExifTags.Base.LensModel))
     lens = " ".join([*words, f"{length:g} mm" if length else ""]).strip()
     return Metadata(size, orientation, _focal(tags, length, image.size), lens, notes, _taken(tags))
 
@@ -73,11 +73,11 @@ def _orientation(value: Any, size: tuple[int, int]) -> tuple[int, tuple[str, ...
 
 def _focal(tags: dict[int, Any], length: float | None, size: tuple[int, int]) -> float | None:
     """Focal length px, from the 35 mm equivalent or from the resolution of the sensor."""
-    equivalent = _positive(tags.get(ExifTags.Base.FocalLengthIn35mmFilm))
+    equivalent = positive(tags.get(ExifTags.Base.FocalLengthIn35mmFilm))
     if equivalent:
         return equivalent * math.hypot(*size) / FULL_FRAME_DIAGONAL
-    resolution = _positive(tags.get(ExifTags.Base.FocalPlaneXResolution))
-    original = _positive(tags.get(ExifTags.Base.ExifImageWidth))
+    resolution = positive(tags.get(ExifTags.Base.FocalPlaneXResolution))
+    original = positive(tags.get(ExifTags.Base.ExifImageWidth))
     unit = MM_PER_UNIT.get(tags.get(ExifTags.Base.FocalPlaneResolutionUnit, 2))
     if not (length and resolution and original and unit):
         return None
@@ -91,14 +91,15 @@ def _taken(tags: dict[int, Any]) -> float | None:
     words = tags.get(ExifTags.Base.DateTimeOriginal)
     try:
         # as if the camera's clock were UTC: only differences count
-        whole = datetime.strptime(_words(words), "%Y:%m:%d %H:%M:%S").replace(tzinfo=UTC).timestamp()
+        whole = datetime.strptime(words_of(words), "%Y:%m:%d %H:%M:%S").replace(tzinfo=UTC).timestamp()
     except ValueError:
         return None
-    fraction = _words(tags.get(ExifTags.Base.SubsecTimeOriginal))
+    fraction = words_of(tags.get(ExifTags.Base.SubsecTimeOriginal))
     return whole + (float(f"0.{fraction}") if fraction.isascii() and fraction.isdigit() else 0.0)
 
 
-def _positive(value: Any) -> float | None:
+def positive(value: Any) -> float | None:
+    """A number above 0; None for anything else."""
     try:
         number = float(value)
     except (TypeError, ValueError, ZeroDivisionError):
@@ -106,6 +107,6 @@ def _positive(value: Any) -> float | None:
     return number if math.isfinite(number) and number > 0 else None
 
 
-def _words(value: Any) -> str:
-    """Printable text of a tag; metadata may hold anything."""
+def words_of(value: Any) -> str:
+    """Printable text of a tag, empty where it is none; metadata may hold anything."""
     return "".join(c for c in value if c.isprintable()).strip()[:80] if isinstance(value, str) else ""

@@ -2,6 +2,8 @@
 
 import json
 import os
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
@@ -21,7 +23,7 @@ from panostitch.model.alignment import (
     camera_from_json,
     control_points_from_json,
 )
-from panostitch.model.photo import Photo
+from panostitch.model.photo import Photo, Pixels
 
 EXTENSION = ".pano.json"
 
@@ -36,6 +38,37 @@ def write_project(alignment: Alignment, path: str) -> None:
 
 def read_project(path: str) -> Alignment:
     """Read an alignment and open its photos. Raises InputError."""
+    return _read(path, _photo)
+
+
+def peek_project(path: str) -> tuple[Alignment, tuple[str, ...]]:
+    """An alignment whose photos may be missing, and what is wrong with them, a line each. Raises InputError."""
+    wrong = []
+
+    def photo(entry: dict[str, Any], folder: str) -> Photo:
+        try:
+            return _photo(entry, folder)
+        except InputError as error:
+            wrong.append(error.message)
+            name, (width, height) = str(entry["name"]), (int(n) for n in entry["size"])
+            return Photo(name, (width, height), MissingPhoto(error), os.path.join(folder, entry["path"]))
+
+    return _read(path, photo), tuple(wrong)
+
+
+@dataclass(frozen=True)
+class MissingPhoto:
+    """A photo that cannot be opened: asked for its pixels, it says why."""
+
+    error: InputError
+
+    def read(self, scale: float = 1.0) -> tuple[Pixels, Pixels | None]:
+        """Raises the InputError."""
+        del scale
+        raise self.error
+
+
+def _read(path: str, photo: Callable[[dict[str, Any], str], Photo]) -> Alignment:
     data = _load(path)
     try:
         if data["format"] != FORMAT:
@@ -46,11 +79,11 @@ def read_project(path: str) -> Alignment:
             raise ValueError("it holds no panorama")
         return Alignment(
             model=data["model"],
-            photos=tuple(_photo(entry, os.path.dirname(path)) for entry in data["photos"]),
+            photos=tuple(photo(entry, os.path.dirname(path)) for entry in data["photos"]),
             cameras=tuple(camera_from_json(entry) for entry in data["photos"]),
-            links=tuple(LinkSummary(**link) for link in data["links"]),
-            dropped=tuple(LinkSummary(**link) for link in data["dropped"]),
-            left_out=tuple(LeftOut(p["name"], p["reason"], tuple(p["details"]), p["hint"]) for p in data["left_out"]),
+            links=_links(data["links"], len(data["photos"])),
+            dropped=_links(data["dropped"], len(data["photos"])),
+            left_out=tuple(_left_out(entry) for entry in data["left_out"]),
             rms=float(data["rms"]),
             p95=float(data["p95"]),
             reason=str(data["reason"]),
@@ -66,6 +99,19 @@ def read_project(path: str) -> Alignment:
     except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
         what = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise InputError(f"{path}: not a sound project file: {what}") from None
+
+
+def _left_out(entry: dict[str, Any]) -> LeftOut:
+    return LeftOut(str(entry["name"]), str(entry["reason"]), tuple(map(str, entry["details"])), str(entry["hint"]))
+
+
+def _links(entries: list[dict[str, Any]], count: int) -> tuple[LinkSummary, ...]:
+    links = tuple(
+        LinkSummary(int(entry["i"]), int(entry["j"]), int(entry["matches"]), float(entry["rms"])) for entry in entries
+    )
+    if any(not 0 <= n < count for link in links for n in (link.i, link.j)):
+        raise ValueError("a link is of photos that it does not hold")
+    return links
 
 
 def _number(value: Any) -> float | None:

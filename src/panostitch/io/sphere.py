@@ -3,7 +3,10 @@
 https://developers.google.com/streetview/spherical-metadata
 """
 
+import math
+import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,6 +21,48 @@ PACKET = """<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?>
  </rdf:RDF>
 </x:xmpmeta>
 <?xpacket end="r"?>"""
+
+PROPERTY = re.compile(r"""GPano:(\w+)\s*=\s*["']([^"'<>]*)["']|<GPano:(\w+)>([^<>]*)</GPano:""")
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """What part of a sphere a file says that it shows.
+
+    field:   degrees across and down; None where the file does not say
+    whole:   (width, height) px of the whole sphere; None where the file does not say
+    heading: degrees from true north of the middle of the picture; None where unknown
+    """
+
+    projection: str
+    field: tuple[float, float] | None = None
+    whole: tuple[int, int] | None = None
+    heading: float | None = None
+
+
+def read_sphere(xmp: bytes, size: tuple[int, int]) -> Sphere | None:
+    """What the XMP packet of a picture of `size` px says; None where it says nothing of a sphere."""
+    found = PROPERTY.findall(xmp.decode("utf-8", "replace"))
+    said = {name or other: (value or text).strip() for name, value, other, text in found}
+    if not said.get("ProjectionType"):
+        return None
+    width, height = (_number(said.get(f"FullPano{side}Pixels")) for side in ("Width", "Height"))
+    heading = _number(said.get("PoseHeadingDegrees"))
+    if not width or not height:
+        return Sphere(said["ProjectionType"], heading=heading)
+    # the picture may have been scaled since: what it was then counts
+    then = [_number(said.get(f"CroppedAreaImage{side}Pixels")) for side in ("Width", "Height")]
+    across, down = (now if then is None else then for now, then in zip(size, then, strict=True))
+    field = (min(360 * across / width, 360.0), min(180 * down / height, 180.0))
+    return Sphere(said["ProjectionType"], field, (int(width), int(height)), heading)
+
+
+def _number(text: str | None) -> float | None:
+    try:
+        number = float(text or "")
+    except ValueError:
+        return None
+    return number if math.isfinite(number) and 0 <= number < 1e9 else None
 
 
 def sphere_xmp(panorama: Panorama, headings: Sequence[float | None], software: str) -> bytes:
