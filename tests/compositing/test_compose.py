@@ -1,5 +1,7 @@
 """The panorama as a function of a region: tiles make the whole, known pictures come back, turns close."""
 
+import sys
+import tracemalloc
 from dataclasses import replace
 
 import cv2
@@ -8,6 +10,8 @@ import pytest
 
 from compositing.mosaics import alignment_of, panorama_of, shifted
 from panostitch.compositing import lay_out, plan
+from panostitch.compositing.compose import Sight
+from panostitch.compositing.cost import decoded_bytes, kept_bytes
 from panostitch.compositing.seams import SEAMS
 from panostitch.io.writers import assemble
 from panostitch.model.canvas import Region
@@ -300,3 +304,48 @@ def test_the_step_would_be_seen(ring, monkeypatch):
 
     assert step_at_edge(darker, layer.mask) > ACROSS_EDGE
     assert step_at_edge(missing, layer.mask[:, 20:]) > ACROSS_EDGE
+
+
+def test_a_region_is_cut_into_parts_that_share_it_out_and_part_the_photos(monkeypatch, ring):
+    monkeypatch.setattr(sys.modules[Sight.__module__], "SMALLEST", 32)
+    monkeypatch.setattr(sys.modules[Sight.__module__], "IN_CACHE", 8000)
+    work = at_factor(monkeypatch, ring, 4).read.args[0]
+    region = Region(40, 8, 700, 200)
+
+    sight = Sight(work, work.around(region))
+    parts = list(sight.parts(region))
+
+    count = np.zeros((region.height, region.width), int)
+    for part, photos in parts:
+        count[part.within(region)] += 1
+        owners = work.plan.labels[part.grown(0, multiple=4).divided(4).within(work.canvas.reduced(4).region)]
+        assert set(np.unique(owners)) <= set(photos) == set(work.photos(part))
+    assert (count == 1).all()
+    alone = sum(part.area for part, photos in parts if len(photos) == 1)
+    assert alone > region.area / 4
+    assert max(part.area for part, photos in parts if len(photos) > 1) < region.area / 4
+
+
+def test_fewer_photos_are_kept_by_columns_than_by_rows(monkeypatch, ring):
+    panorama = at_factor(monkeypatch, ring, 4)
+    rows = panorama.canvas.region.tiles(100, 60)
+    columns = sorted(rows, key=lambda tile: tile.x)
+    photo = decoded_bytes(ring.photos[:1])
+
+    assert panorama.kept(rows) == len(ring.photos) * photo
+    # the photo across the edge of the turn, and those that meet in one column of tiles
+    assert 2 * photo <= panorama.kept(columns) <= 4 * photo
+    assert kept_bytes(panorama.read.args[0], photo, rows) == photo
+
+
+def test_what_a_tile_takes_is_not_more_than_was_said(monkeypatch, ring):
+    panorama = at_factor(monkeypatch, ring, 4)
+    region = Region(100, 10, 512, 200)
+    panorama.read(region)  # decodes
+
+    tracemalloc.start()
+    panorama.read(region)
+    taken = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+
+    assert taken <= panorama.cost(region)

@@ -309,3 +309,28 @@ def test_amounts_of_memory(text, size):
 def test_what_is_no_amount_of_memory(text):
     with pytest.raises(UsageError, match="amount"):
         _ = OutputOptions(max_memory=text).memory
+
+
+@pytest.mark.parametrize("name", ["a.tif", "a.png", "a.jpg", "a.webp"])
+def test_a_photo_is_dropped_after_the_last_tile_that_shows_it(tmp_path, name):
+    """Photos 0, 1 and 2 lie side by side, 700 px apart, and 9 shows in the first and the last column of tiles."""
+    told: list[tuple[str, int, Region | None]] = []
+
+    def shown(region):
+        own = {n for n in range(3) if region.x < CROP.x + 700 * (n + 1) and region.right > CROP.x + 700 * n}
+        return frozenset(own | ({9} if region.x == CROP.x or region.right == CROP.right else set()))
+
+    def read(region):
+        told.extend(("read", photo, region) for photo in shown(region))
+        return computed(region)
+
+    panorama = replace(panorama_of(read=read), photos=shown, forget=lambda photo: told.append(("forget", photo, None)))
+    write(tmp_path / name, panorama, threads=1)
+
+    forgotten = [photo for what, photo, _ in told if what == "forget"]
+    assert {0, 1} <= set(forgotten)  # who takes the last tile may ask for nothing more
+    for photo in forgotten:
+        rest = told[told.index(("forget", photo, None)) :]
+        assert not [entry for entry in rest if entry[:2] == ("read", photo)]
+    if name in ("a.jpg", "a.webp"):  # column by column
+        assert told.index(("forget", 0, None)) < min(n for n, entry in enumerate(told) if entry[:2] == ("read", 2))

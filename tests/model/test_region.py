@@ -86,3 +86,22 @@ def test_half_open():
     assert region
     assert not Region(2, 3, 0, 5)
     assert not Region(2, 3, 4, 0)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("region", [Region(-5, 7, 100, 61), Region(0, 0, 64, 64), Region(3, 3, 2, 2)])
+def test_halves_share_out_a_region(region, axis):
+    first, second = region.halves(axis, multiple=16)
+
+    assert first
+    assert second
+    assert not first & second
+    assert first.area + second.area == region.area
+    assert (first & region, second & region) == (first, second)
+    assert (second.x, second.y) == ((region.x, first.bottom) if axis == 0 else (first.right, region.y))
+
+
+def test_halves_are_cut_at_a_multiple_where_there_is_one():
+    assert Region(-5, 0, 100, 50).halves(1, multiple=16)[1].x == 32
+    assert Region(0, 3, 9, 50).halves(0, multiple=16)[1].y == 16
+    assert Region(1, 0, 10, 50).halves(1, multiple=16)[1].x == 6

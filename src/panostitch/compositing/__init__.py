@@ -3,7 +3,7 @@
 from functools import partial
 
 from panostitch.compositing.compose import Work, compose
-from panostitch.compositing.cost import decoded_bytes, decoding_bytes, photo_budget, tile_bytes
+from panostitch.compositing.cost import decoding_bytes, kept_bytes, photo_budget, tile_bytes
 from panostitch.compositing.frame import frame
 from panostitch.compositing.layout import lay_out
 from panostitch.compositing.plan import make_plan
@@ -22,7 +22,6 @@ def make_panorama(
     """The panorama as a function of a region; `memory` is what the whole program may take, in bytes."""
     budget = photo_budget(alignment.photos, memory)
     work = Work(alignment, canvas, plan, options, decoded_photos(budget))
-    kept = min(budget, decoded_bytes(alignment.photos))
     return Panorama(
         canvas,
         plan,
@@ -30,6 +29,6 @@ def make_panorama(
         work.photos,
         work.decoded.forget,
         partial(tile_bytes, work),
-        kept,
+        partial(kept_bytes, work, budget),
         alignment,
     )

@@ -2,13 +2,15 @@
 
 from collections.abc import Sequence
 
-from panostitch.compositing.compose import Work
+from panostitch.compositing.compose import IN_CACHE, Work
 from panostitch.compositing.warp import CACHE_BYTES
 from panostitch.model.canvas import Region
+from panostitch.model.panorama import NOBODY
 from panostitch.model.photo import Photo
 from panostitch.runtime.memory import resident
 
-TILE_PIXEL = 90  # bytes for each pixel of a tile with its halo
+REGION_PIXEL = 30  # bytes for each pixel of a region: itself, its parts, and what is made of it
+TILE_PIXEL = 90  # bytes for each pixel of a part with its halo in which photos meet
 PHOTO_PIXEL = 20  # bytes more for each photo that it shows
 # Bytes for each pixel of a photo, by the bits of its channels:
 DECODING = {8: 14, 16: 24}  # that is being decoded, its file and the result among them (a JPEG of 8 bits takes 7)
@@ -18,8 +20,23 @@ SHARE = 0.25  # of the memory that is left: for photos that are kept
 
 def tile_bytes(work: Work, region: Region) -> int:
     """Bytes that `compose` takes for a region while it works."""
-    tile = work.around(region)
-    return tile.area * (TILE_PIXEL + PHOTO_PIXEL * len(work.photos(region))) + decoding_bytes(work.alignment.photos)
+    # as thin as parts get, and as long as they may be then: that has the largest halo
+    width = min(region.width, work.smallest // 2)
+    part = Region(0, 0, width, min(region.height, max(IN_CACHE, work.smallest**2) // width))
+    joined = work.around(part).area * (TILE_PIXEL + PHOTO_PIXEL * len(work.photos(region)))
+    return region.area * REGION_PIXEL + joined + decoding_bytes(work.alignment.photos)
+
+
+def kept_bytes(work: Work, budget: int, regions: Sequence[Region]) -> int:
+    """Bytes that the photos take which are in memory at once when these regions are read in their order."""
+    shown = [work.photos(region) for region in regions]
+    last = {photo: number for number, photos in enumerate(shown) for photo in photos}
+    most, kept = 0, set[int]()
+    for number, photos in enumerate(shown):
+        kept |= photos
+        most = max(most, decoded_bytes([work.alignment.photos[photo] for photo in kept if photo != NOBODY]))
+        kept -= {photo for photo in kept if last[photo] == number}
+    return min(budget, most)
 
 
 def decoding_bytes(photos: Sequence[Photo]) -> int:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from panostitch.errors import LimitError, UsageError
 from panostitch.io.png import band_bytes
-from panostitch.io.rendering import Rendering, tiles_of
+from panostitch.io.rendering import Rendering, columns_of, tiles_of
 from panostitch.model.canvas import Region
 from panostitch.model.panorama import Panorama
 from panostitch.options import OutputOptions
@@ -75,9 +75,9 @@ def need(picture: Rendering, path: str) -> Need:
     held = 2 * band_bytes(crop, pixel) if extension == ".png" else 0
     if extension in ENCODING:
         held = crop.area * ENCODING[extension][channels]
-    tiles = tiles_of(crop)
+    tiles = columns_of(crop) if extension in ENCODING else tiles_of(crop)
     each = max(map(picture.panorama.cost, tiles)) + FINISHED * max(tile.area for tile in tiles) * pixel
-    return Need(each, picture.panorama.kept + held)
+    return Need(each, picture.panorama.kept(tiles) + held)
 
 
 def bounded(picture: Rendering, path: str, options: OutputOptions) -> Executor:

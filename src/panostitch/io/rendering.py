@@ -102,10 +102,8 @@ class Rendering:
 
     def whole(self, channels: int) -> Pixels:
         """The whole picture (h, w, channels) of 8 bits; a fourth channel that it does not have means nothing."""
-        picture, tiles = np.empty((self.crop.height, self.crop.width, channels), np.uint8), tiles_of(self.crop)
-        if self.crop.width > self.crop.height:
-            tiles.sort(key=lambda tile: (tile.x, tile.y))  # photos are soon done with, and few are kept in memory
-        for region, tile in self.map(lambda region, tile: (region, tile), tiles):
+        picture = np.empty((self.crop.height, self.crop.width, channels), np.uint8)
+        for region, tile in self.map(lambda region, tile: (region, tile), columns_of(self.crop)):
             place = picture[region.within(self.crop)]
             if self.channels < channels:
                 cv2.cvtColor(tile, cv2.COLOR_RGB2RGBA, dst=place)
@@ -117,6 +115,12 @@ class Rendering:
 def tiles_of(crop: Region) -> list[Region]:
     """The tiles of a picture. All formats have the same, so that all hold the same pixels."""
     return crop.tiles(TILE, TILE // 2)
+
+
+def columns_of(crop: Region) -> list[Region]:
+    """The tiles of a picture across its shorter side: photos are soon done with, and few are in memory at once."""
+    tiles = tiles_of(crop)
+    return sorted(tiles, key=lambda tile: (tile.x, tile.y)) if crop.width > crop.height else tiles
 
 
 def read_tile(panorama: Panorama, region: Region, depth: int = 8) -> tuple[Samples, Samples]:

@@ -1,6 +1,6 @@
 """The panorama as a function of a region, and the plan it is made by."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,6 +54,11 @@ def keep(photo: int) -> None:
     del photo
 
 
+def _no_bytes(regions: Sequence[Region]) -> int:
+    del regions
+    return 0
+
+
 @dataclass(frozen=True)
 class Panorama:
     """A panorama: `read(region)` makes the pixels of any region of the canvas when they are asked for.
@@ -61,7 +66,7 @@ class Panorama:
     photos: from a region to the numbers of the photos that `read` looks at for it
     forget: tells that the photo of this number will not be looked at again soon
     cost: from a region to the bytes of memory that `read` takes while it works, about
-    kept: bytes that reads may leave behind in memory, for the reads that follow
+    kept: from regions that are read one after the other to the bytes that stay in memory meanwhile, at most
     alignment: the photos and their cameras, as the canvas sees them; None where nothing is known of them
     """
 
@@ -71,7 +76,7 @@ class Panorama:
     photos: Callable[[Region], frozenset[int]] = _none_known
     forget: Callable[[int], None] = keep
     cost: Callable[[Region], int] = typical_cost
-    kept: int = 0
+    kept: Callable[[Sequence[Region]], int] = _no_bytes
     alignment: Alignment | None = None
 
     @property
