@@ -124,10 +124,12 @@ class LayoutOptions:
         "fisheye",
         "equisolid",
         "transverse-mercator",
+        "cube",
     ] = option(
         "auto",
         "How directions become pixels; auto goes by the field of view. Straight lines: rectilinear; wide with straight "
-        "verticals: panini, cylindrical; all around: equirectangular; looking down on it: little-planet.",
+        "verticals: panini, cylindrical; all around: equirectangular, or six faces for viewers: cube; looking down on "
+        "it: little-planet.",
     )
     panini_distance: float = option(
         1.0,

@@ -5,7 +5,7 @@
 from collections.abc import Sequence
 
 from panostitch.alignment import align_group
-from panostitch.compositing import decoding_bytes, frame, make_panorama, make_plan
+from panostitch.compositing import decoding_bytes, frame, make_cube, make_panorama, make_plan
 from panostitch.compositing.view import look
 from panostitch.errors import NoOverlapError
 from panostitch.matching import explain_left_out, pairs_tried
@@ -65,6 +65,8 @@ def render(alignment: Alignment, options: Options, *, run: Executor = serial, tr
     alignment = look(alignment, options.layout)
     limit = options.output.memory
     run = within(run, limit, each=decoding_bytes(alignment.photos))
+    if options.layout.projection == "cube":
+        return make_cube(alignment, options.layout, options.compositing, memory=limit, run=run, trace=trace)
     canvas, crop = frame(alignment, options.layout, run=run, trace=trace)
     plan = make_plan(alignment, canvas, options.compositing, crop, run=run, trace=trace)
     give_back()
