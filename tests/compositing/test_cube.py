@@ -6,6 +6,7 @@ import pytest
 
 from compositing.mosaics import alignment_of, shifted
 from panostitch import pipeline
+from panostitch.compositing import plan
 from panostitch.compositing.cube import SIDE_MULTIPLE
 from panostitch.errors import UsageError
 from panostitch.geometry.projections.cube import FACES, FRONT
@@ -15,15 +16,17 @@ from panostitch.options import Options
 from panostitch.synthetic.render import photograph
 from panostitch.synthetic.scene import procedural_texture, rig, sphere_scene
 
-SIZE, HFOV = (180, 240), np.deg2rad(60)
+SIZE, HFOV = (120, 160), np.deg2rad(60)
+QUICK = {"exposure": "none", "seams": "voronoi", "blender": "none"}
 EV = 0.3  # EV; steps of the light from photo to photo
 
-# Grey levels, mean and 99th percentile; the row beside the sphere that is sampled along its rays, once more than the
-# row was: 0.9 and 8 seen, with a plan that is off by one reduced pixel 1.5 and 13
-SAMPLED, SAMPLED_MOST = 1.2, 10.0
-# Times, of means along a whole edge; how much more neighbours across an edge differ than neighbours beside it: 1.0 to
-# 1.2 seen, 1.1 to 1.3 in the scene itself
-ACROSS_EDGE = 1.4
+# Grey levels, mean and most of the smoothed difference between the row and the sphere along its rays; they are sampled
+# differently, which smoothing by so many px takes away: 0.20 and 2.1 seen; without the change of the low bands 0.35
+# and 3.7, with the plan one reduced pixel aside 0.28 and 5.8
+SMOOTHED, MEAN_OFF, MOST_OFF = 4.0, 0.25, 3.0
+# Times, of means along a whole edge; how much more neighbours across an edge differ than neighbours beside it: 0.81 to
+# 1.03 seen
+ACROSS_EDGE = 1.2
 # Grey levels; tiles and the whole differ by the rounding of float32 sums of up to 255
 TILED = 1e-3
 
@@ -37,10 +40,18 @@ def all_around():
 
 @pytest.fixture(scope="module")
 def alignment():
-    scene = sphere_scene(procedural_texture(1000, 500, seed=5))
+    scene = sphere_scene(procedural_texture(640, 320, seed=5))
     cameras = all_around()
     light = [EV * (-1) ** n for n in range(len(cameras))]
     return alignment_of(cameras, [photograph(scene, c, exposure=e) for c, e in zip(cameras, light, strict=True)])
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small_plan():
+    """Plans are reduced, as those of large pictures are."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plan, "PLAN_PIXELS", 2e4)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -76,10 +87,11 @@ def test_the_faces_show_what_the_sphere_shows(alignment, cube, row):
     xy = sphere.canvas.pixels(cube.canvas.rays(np.column_stack([x.ravel(), y.ravel()]))).astype(np.float32) + 1
     xy = xy.reshape(*row.shape[:2], 2)
 
-    off = np.abs(cv2.remap(pixels, xy[..., 0], xy[..., 1], cv2.INTER_CUBIC) - row)
+    off = cv2.remap(pixels, xy[..., 0], xy[..., 1], cv2.INTER_CUBIC) - row
 
-    assert off.mean() < SAMPLED
-    assert np.percentile(off, 99) < SAMPLED_MOST
+    smooth = np.abs([cv2.GaussianBlur(face(off, name), (0, 0), SMOOTHED) for name in FACES])
+    assert smooth.mean() < MEAN_OFF
+    assert smooth.max() < MOST_OFF
 
 
 # pairs of faces, and how each is turned (by quarters, anticlockwise) so that the second lies right of the first
@@ -137,12 +149,12 @@ def test_what_no_photo_shows_is_empty(alignment):
         ({"size": "600"}, (600, 100)),
         ({"size": "x96"}, (576, 96)),
         ({"size": "605x2000"}, (600, 100)),
-        ({"scale": 0.5}, (960, 160)),
-        ({"scale": 0.5, "crop": "160,0,160,160"}, (160, 160)),
+        ({"scale": 0.5}, (576, 96)),
+        ({"scale": 0.5, "crop": "96,0,96,96"}, (96, 96)),
     ],
 )
 def test_the_size_that_was_asked_for(options, size, alignment):
-    crop = pipeline.render(alignment, Options.of(projection="cube", **options)).plan.crop
+    crop = pipeline.render(alignment, Options.of(projection="cube", **QUICK, **options)).plan.crop
 
     assert (crop.width, crop.height) == size
 
