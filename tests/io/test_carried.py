@@ -322,7 +322,7 @@ def test_no_heading_where_it_is_not_known(directions, tmp_path):
     assert "PoseHeadingDegrees" not in gpano(read(tmp_path / "a.jpg")[3])
 
 
-@pytest.mark.parametrize("change", [{"projection": "cylindrical"}, {"model": "similarity"}])
+@pytest.mark.parametrize("change", [{"projection": "cylindrical"}, {"projection": "cube"}, {"model": "similarity"}])
 def test_what_is_no_sphere_is_not_told_as_one(change, tmp_path):
     panorama = panorama_of([photo(tmp_path / "1.jpg")])
     if "model" in change:
