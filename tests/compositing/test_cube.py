@@ -1,5 +1,7 @@
 """Six faces that fit together: what the sphere shows, without a step where faces touch in the world."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -60,6 +62,11 @@ def cube(alignment):
 
 
 @pytest.fixture(scope="module")
+def sphere(alignment):
+    return pipeline.render(alignment, Options.of(projection="equirectangular", fov="360x180"))
+
+
+@pytest.fixture(scope="module")
 def row(cube):
     pixels, mask = assemble(cube)
     assert mask.all()
@@ -79,8 +86,20 @@ def test_a_face_has_the_resolution_of_the_photos_in_its_middle(alignment, cube):
     assert cube.plan.crop == cube.canvas.region
 
 
-def test_the_faces_show_what_the_sphere_shows(alignment, cube, row):
-    sphere = pipeline.render(alignment, Options.of(projection="equirectangular", fov="360x180"))
+def test_where_all_is_covered_there_is_no_alpha(cube, sphere):
+    assert cube.plan.factor > 1
+    assert (cube.channels, sphere.channels) == (3, 3)
+
+
+def test_a_hole_at_a_pole_is_empty(alignment):
+    without = replace(alignment, photos=alignment.photos[:-1], cameras=alignment.cameras[:-1])
+
+    panorama = pipeline.render(without, Options.of(projection="equirectangular", fov="360x180"))
+
+    assert panorama.channels == 4
+
+
+def test_the_faces_show_what_the_sphere_shows(cube, sphere, row):
     pixels = np.pad(assemble(sphere)[0], ((1, 1), (0, 0), (0, 0)), mode="edge").astype(np.float32)
     pixels = np.pad(pixels, ((0, 0), (1, 1), (0, 0)), mode="wrap")
     x, y = np.meshgrid(np.arange(row.shape[1], dtype=float), np.arange(row.shape[0], dtype=float))

@@ -74,8 +74,9 @@ def make_cube(
     crop = _crop(row, layout)
     plan = make_plan(alignment, sphere, options, "none", run=run, trace=trace)
     budget = photo_budget(alignment.photos, memory)
-    faces = _faces(Work(alignment, row, plan, options, decoded_photos(budget)), sphere)
-    labels = _labels(plan, sphere, row.reduced(plan.factor))
+    planned = sphere.reduced(plan.factor)
+    faces = _faces(Work(alignment, row, plan, options, decoded_photos(budget)), planned)
+    labels = _labels(plan, planned, row.reduced(plan.factor))
     of_row = replace(plan, labels=labels, changes=(), crop=crop.region, crop_reason=crop.reason)
     return Panorama(
         row,
@@ -130,7 +131,7 @@ def _crop(row: Canvas, layout: LayoutOptions) -> Crop:
 
 
 def _faces(whole: Work, sphere: Canvas) -> list[Face]:
-    """The faces of a row whose plan is that of a sphere."""
+    """The faces of a row whose plan is that of a sphere, reduced already."""
     row, plan = whole.canvas, whole.plan
     side, margin = row.size[1], MARGIN * plan.factor
     canvases = [
@@ -153,19 +154,18 @@ def _faces(whole: Work, sphere: Canvas) -> list[Face]:
     ]
 
 
-def _on_sphere(sphere: Canvas, factor: int, small: Canvas, region: Region) -> Floats:
-    """Where (h, w, 2) a region of another reduced canvas lies on the reduced sphere."""
+def _on_sphere(sphere: Canvas, small: Canvas, region: Region) -> Floats:
+    """Where (h, w, 2) on the sphere a region of another canvas lies, both reduced."""
     x, y = np.meshgrid(np.arange(region.x, region.right, dtype=float), np.arange(region.y, region.bottom, dtype=float))
     rays = small.rays(np.column_stack([x.ravel(), y.ravel()]))
     # where the canvas shows nothing, anything will do
-    xy = np.nan_to_num(sphere.reduced(factor).pixels(rays))
-    return np.asarray(xy.reshape(region.height, region.width, 2))
+    return np.asarray(np.nan_to_num(sphere.pixels(rays)).reshape(region.height, region.width, 2))
 
 
 def _labels(plan: Plan, sphere: Canvas, small: Canvas) -> NDArray[np.int16]:
     """The labels of the sphere on another reduced canvas: those of the nearest pixels."""
     height, width = plan.labels.shape
-    x, y = np.moveaxis(np.rint(_on_sphere(sphere, plan.factor, small, small.region)).astype(int), 2, 0)
+    x, y = np.moveaxis(np.rint(_on_sphere(sphere, small, small.region)).astype(int), 2, 0)
     return np.asarray(plan.labels[y.clip(0, height - 1), x % width], np.int16)
 
 
@@ -175,33 +175,30 @@ def _changes(
     """For each reduced canvas and each photo what the low bands change in it, as on the sphere."""
     places = zip(*(footprints(cameras, small) for small in smalls), strict=True)
     of_photos = [
-        _moved(plan, sphere, pieces, list(zip(smalls, where, strict=True)))
+        _moved(pieces, sphere, list(zip(smalls, where, strict=True)))
         for pieces, where in zip(plan.changes, places, strict=True)
     ]
     return list(zip(*of_photos, strict=True))
 
 
-def _moved(
-    plan: Plan, sphere: Canvas, pieces: Change, places: Sequence[tuple[Canvas, tuple[Region, ...]]]
-) -> list[Change]:
+def _moved(pieces: Change, sphere: Canvas, places: Sequence[tuple[Canvas, tuple[Region, ...]]]) -> list[Change]:
     """The change of one photo on other reduced canvases, at its places there; bilinear."""
     if not pieces:
         return [()] * len(places)
-    whole = _around(plan, pieces)
+    whole = _around(pieces, sphere)
 
     def sampled(small: Canvas, region: Region) -> NDArray[np.float32]:
-        x, y = np.moveaxis(_on_sphere(sphere, plan.factor, small, region).astype(np.float32) + 1, 2, 0)
+        x, y = np.moveaxis(_on_sphere(sphere, small, region).astype(np.float32) + 1, 2, 0)
         return np.asarray(cv2.remap(whole, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.float32)
 
     return [tuple((region, sampled(small, region)) for region in regions) for small, regions in places]
 
 
-def _around(plan: Plan, pieces: Change) -> NDArray[np.float32]:
+def _around(pieces: Change, sphere: Canvas) -> NDArray[np.float32]:
     """The change of a photo on the whole sphere (h + 2, w + 2, 3), whose columns go on round the back."""
-    height, width = plan.labels.shape
-    whole = np.zeros((height, width, 3), np.float32)
+    whole = np.zeros((*sphere.size[::-1], 3), np.float32)
     for region, change in pieces:
-        whole[region.within(Region(0, 0, width, height))] = change
+        whole[region.within(sphere.region)] = change
     return np.pad(np.pad(whole, ((1, 1), (0, 0), (0, 0)), mode="edge"), ((0, 0), (1, 1), (0, 0)), mode="wrap")
 
 
