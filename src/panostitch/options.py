@@ -181,6 +181,17 @@ class LayoutOptions:
         return across, down
 
     @property
+    def cube(self) -> bool:
+        """Whether the faces of a cube are asked for. Raises UsageError where another option does not go with that."""
+        if self.projection != "cube":
+            return False
+        if self.fov is not None:
+            raise UsageError("--fov: a cube shows all directions", hint="leave it out, or use another --projection")
+        if self.crop == "full":
+            raise UsageError("--crop full: a cube is whole", hint="leave it out; what no photo shows stays empty")
+        return True
+
+    @property
     def window(self) -> tuple[int, int, int, int] | None:
         """x, y, width and height (px of the canvas) to keep; None for a rule. Raises UsageError for neither."""
         if self.crop in ("auto", "full", "none"):
@@ -274,7 +285,7 @@ class Options:
 
     def check(self) -> None:
         """Raise UsageError where the text of an option does not say what it should, or options contradict."""
-        _ = self.layout.sides, self.layout.field, self.layout.window, self.output.memory
+        _ = self.layout.sides, self.layout.field, self.layout.window, self.layout.cube, self.output.memory
 
     @classmethod
     def of(cls, **flat: Any) -> "Options":

@@ -67,7 +67,7 @@ def render(alignment: Alignment, options: Options, *, run: Executor = serial, tr
     alignment = replace(look(alignment, options.layout), photos=in_one_profile(alignment.photos))
     limit = options.output.memory
     run = within(run, limit, each=decoding_bytes(alignment.photos))
-    if options.layout.projection == "cube":
+    if options.layout.cube:
         return make_cube(alignment, options.layout, options.compositing, memory=limit, run=run, trace=trace)
     canvas, crop = frame(alignment, options.layout, run=run, trace=trace)
     plan = make_plan(alignment, canvas, options.compositing, crop, run=run, trace=trace)

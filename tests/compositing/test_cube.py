@@ -184,6 +184,13 @@ def test_what_a_cube_does_not_have_is_refused(options, alignment):
         pipeline.render(alignment, Options.of(projection="cube", **options))
 
 
+@pytest.mark.parametrize("options", [{"fov": "120x60"}, {"crop": "full"}])
+def test_options_that_contradict_a_cube_are_refused_before_anything_is_done(options):
+    with pytest.raises(UsageError, match=next(iter(options))):
+        Options.of(projection="cube", **options).check()
+    Options.of(projection="equirectangular", **options).check()
+
+
 def test_a_flat_subject_has_no_faces():
     scan = alignment_of([shifted(SIZE, 0, 0)], [np.zeros((*SIZE[::-1], 3), np.uint8)], model="homography")
 

@@ -67,11 +67,11 @@ def make_cube(
 ) -> Panorama:
     """The panorama of six faces; `memory` is what the whole program may take, in bytes.
 
-    Raises UsageError for a flat subject and for options that a cube does not have, what `lay_out` raises for the size,
+    Raises UsageError for a flat subject and for a rectangle that is not on the row, what `lay_out` raises for the size,
     and what `make_plan` raises.
     """
     row, sphere = lay_out_cube(alignment, layout, trace=trace)
-    crop = _crop(row, layout)
+    crop = window(row, layout) if layout.window else Crop(row.region, "all faces")
     plan = make_plan(alignment, sphere, options, "none", run=run, trace=trace)
     budget = photo_budget(alignment.photos, memory)
     planned = sphere.reduced(plan.factor)
@@ -94,8 +94,6 @@ def lay_out_cube(alignment: Alignment, layout: LayoutOptions, *, trace: Trace = 
     """The row of faces, and the sphere on which it is planned, both of the photos' own resolution straight ahead."""
     if alignment.model != "rotation":
         raise cannot_be_flat(layout.projection)
-    if layout.field:
-        raise UsageError("--fov: a cube shows all directions", hint="to show a part of them, use another --projection")
     whole = replace(layout, projection="equirectangular", fov="360x180", size=None, crop="none")
     scale = lay_out(alignment, whole).scale
     side = _side(layout) or max(1, round(2 * scale / SIDE_MULTIPLE)) * SIDE_MULTIPLE
@@ -120,14 +118,6 @@ def _side(layout: LayoutOptions) -> int | None:
     if side < 1:
         raise UsageError(f"--size {layout.size}: too small for {len(FACES)} faces")
     return side
-
-
-def _crop(row: Canvas, layout: LayoutOptions) -> Crop:
-    if layout.window:
-        return window(row, layout)
-    if layout.crop == "full":
-        raise UsageError("--crop full: a cube is whole", hint="leave it out; what no photo shows stays empty")
-    return Crop(row.region, "all faces")
 
 
 def _faces(whole: Work, sphere: Canvas) -> list[Face]:
