@@ -242,7 +242,7 @@ def test_a_panorama_of_two_profiles_is_that_of_one(tmp_path):
     with Image.open(tmp_path / "out.png") as image:
         assert image.info["icc_profile"] == icc.rgb(icc.SRGB, name="srgb")
     (note,) = written.notes
-    assert note == "colours of p31.png are converted to srgb, the profile of most photos"
+    assert note == "colours of p31.png are converted to srgb, the panorama's profile"
 
 
 def test_a_deep_photo_keeps_no_grey_profile(tmp_path):

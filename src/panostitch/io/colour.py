@@ -103,7 +103,7 @@ def conversions(photos: Sequence[Photo]) -> tuple[str, ...]:
     if not changed:
         return ()
     name = _name(changed[0][1].working)
-    notes = [f"colours of {_named([n for n, _ in changed])} are converted to {name}, the profile of most photos"]
+    notes = [f"colours of {_named([n for n, _ in changed])} are converted to {name}, the panorama's profile"]
     deep = [n for n, source in changed if isinstance(source.source, InEightBits)]
     if deep:
         notes.append(
