@@ -28,6 +28,7 @@ from panostitch.model.canvas import Canvas, Layer, Region
 from panostitch.model.panorama import Panorama, Plan
 from panostitch.options import CompositingOptions, LayoutOptions
 from panostitch.runtime.executor import Executor, serial
+from panostitch.runtime.memory import give_back
 from panostitch.runtime.trace import Trace, silent
 
 Floats = NDArray[np.float64]
@@ -73,6 +74,7 @@ def make_cube(
     row, sphere = lay_out_cube(alignment, layout, trace=trace)
     crop = window(row, layout) if layout.window else Crop(row.region, "all faces")
     plan = make_plan(alignment, sphere, options, "none", run=run, trace=trace)
+    give_back()
     budget = photo_budget(alignment.photos, memory)
     planned = sphere.reduced(plan.factor)
     faces = _faces(Work(alignment, row, plan, options, decoded_photos(budget)), planned)
