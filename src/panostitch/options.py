@@ -124,10 +124,12 @@ class LayoutOptions:
         "fisheye",
         "equisolid",
         "transverse-mercator",
+        "cube",
     ] = option(
         "auto",
         "How directions become pixels; auto goes by the field of view. Straight lines: rectilinear; wide with straight "
-        "verticals: panini, cylindrical; all around: equirectangular; looking down on it: little-planet.",
+        "verticals: panini, cylindrical; all around: equirectangular, or six faces for viewers: cube; looking down on "
+        "it: little-planet.",
     )
     panini_distance: float = option(
         1.0,
@@ -177,6 +179,17 @@ class LayoutOptions:
         if not 0 < across <= 360 or (down is not None and not 0 < down <= 360):
             raise UsageError(f"--fov {self.fov} is no field of view", hint="write it as 120 or 120x60, in degrees")
         return across, down
+
+    @property
+    def cube(self) -> bool:
+        """Whether the faces of a cube are asked for. Raises UsageError where another option does not go with that."""
+        if self.projection != "cube":
+            return False
+        if self.fov is not None:
+            raise UsageError("--fov: a cube shows all directions", hint="leave it out, or use another --projection")
+        if self.crop == "full":
+            raise UsageError("--crop full: a cube is whole", hint="leave it out; what no photo shows stays empty")
+        return True
 
     @property
     def window(self) -> tuple[int, int, int, int] | None:
@@ -272,7 +285,7 @@ class Options:
 
     def check(self) -> None:
         """Raise UsageError where the text of an option does not say what it should, or options contradict."""
-        _ = self.layout.sides, self.layout.field, self.layout.window, self.output.memory
+        _ = self.layout.sides, self.layout.field, self.layout.window, self.layout.cube, self.output.memory
 
     @classmethod
     def of(cls, **flat: Any) -> "Options":

@@ -3,11 +3,13 @@
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from panostitch.alignment import align_group
-from panostitch.compositing import decoding_bytes, frame, make_panorama, make_plan
+from panostitch.compositing import decoding_bytes, frame, make_cube, make_panorama, make_plan
 from panostitch.compositing.view import look
 from panostitch.errors import NoOverlapError
+from panostitch.io.colour import in_one_profile
 from panostitch.matching import explain_left_out, pairs_tried
 from panostitch.model.alignment import Alignment, LeftOut
 from panostitch.model.match import VerifiedMatch
@@ -57,14 +59,16 @@ def align_panorama(
 
 
 def render(alignment: Alignment, options: Options, *, run: Executor = serial, trace: Trace = silent) -> Panorama:
-    """The panorama of an alignment; its pixels are made when a region is read.
+    """The panorama of an alignment; its pixels are made when a region is read, in one colour profile.
 
     Raises LimitError where --max-memory does not suffice.
     """
     give_back()
-    alignment = look(alignment, options.layout)
+    alignment = replace(look(alignment, options.layout), photos=in_one_profile(alignment.photos))
     limit = options.output.memory
     run = within(run, limit, each=decoding_bytes(alignment.photos))
+    if options.layout.cube:
+        return make_cube(alignment, options.layout, options.compositing, memory=limit, run=run, trace=trace)
     canvas, crop = frame(alignment, options.layout, run=run, trace=trace)
     plan = make_plan(alignment, canvas, options.compositing, crop, run=run, trace=trace)
     give_back()

@@ -335,7 +335,7 @@ def test_fewer_photos_are_kept_by_columns_than_by_rows(monkeypatch, ring):
     assert panorama.kept(rows) == len(ring.photos) * photo
     # the photo across the edge of the turn, and those that meet in one column of tiles
     assert 2 * photo <= panorama.kept(columns) <= 4 * photo
-    assert kept_bytes(panorama.read.args[0], photo, rows) == photo
+    assert kept_bytes(ring.photos, panorama.photos, photo, rows) == photo
 
 
 def test_what_a_tile_takes_is_not_more_than_was_said(monkeypatch, ring):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from panostitch.geometry.projections import PROJECTIONS
+from panostitch.geometry.projections import PROJECTIONS, cube
 from tolerances import RELATIVE, UNIT
 
 COUNT = 2000
@@ -11,8 +11,8 @@ COUNT = 2000
 # share of random rays that a projection must show, or the tests below would test nothing: rectilinear shows half
 LEAST_SHOWN = 0.4
 
-# plane units; all projections show so much around straight ahead
-PLANE_EXTENT = 1.2
+# plane units; all projections show so much around straight ahead: a face of a cube no more than this
+PLANE_EXTENT = 1.0
 
 # radians; a step straight ahead, whose square (1e-10) is the error of taking the projection for linear there
 STEP, STEP_ERROR = 1e-5, 1e-9
@@ -163,8 +163,12 @@ def test_equisolid_keeps_areas(ahead):
     np.testing.assert_allclose(np.linalg.det(stretch(PROJECTIONS["equisolid"], ahead)), 1, rtol=0, atol=DERIVATIVE)
 
 
+# in a row of faces, the face behind is on the right
+@pytest.mark.parametrize("name", sorted(set(PROJECTIONS) - {"cube"}))
 @pytest.mark.parametrize("mirror", [[-1, 1, 1], [1, -1, 1]])
-def test_left_is_the_mirror_of_right_and_up_of_down(projection, rays, mirror):
+def test_left_is_the_mirror_of_right_and_up_of_down(name, rays, mirror):
+    projection = PROJECTIONS[name]
+
     np.testing.assert_allclose(
         projection.forward(rays * mirror), projection.forward(rays) * mirror[:2], rtol=RELATIVE, atol=UNIT
     )
@@ -271,3 +275,55 @@ def test_equirectangular_shows_nothing_beyond_the_poles(sign):
 
     assert np.isnan(PROJECTIONS["equirectangular"].inverse(np.array([[0.3, beyond]]))).any()
     assert np.isfinite(PROJECTIONS["equirectangular"].inverse(np.array([[0.3, before]]))).all()
+
+
+CUBE = PROJECTIONS["cube"]
+# of the faces of a cube: what is in the middle, and then right of it and below it
+IN_THE_MIDDLE = {
+    "left": [[-1, 0, 0], [0, 0, 1], [0, 1, 0]],
+    "front": [[0, 0, 1], [1, 0, 0], [0, 1, 0]],
+    "right": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
+    "back": [[0, 0, -1], [-1, 0, 0], [0, 1, 0]],
+    "up": [[0, -1, 0], [1, 0, 0], [0, 0, 1]],
+    "down": [[0, 1, 0], [1, 0, 0], [0, 0, -1]],
+}
+
+
+@pytest.mark.parametrize("name", cube.FACES)
+def test_each_face_of_a_cube_is_a_rectilinear_view(name, rng):
+    place = np.array([2.0 * cube.FACES.index(name) - 2, 0])
+    ahead, right, down = np.array(IN_THE_MIDDLE[name], float)
+    uv = rng.uniform(-1, 1, (50, 2))
+    rays = ahead + uv[:, :1] * right + uv[:, 1:] * down
+
+    np.testing.assert_allclose(CUBE.forward(rays), uv + place, rtol=0, atol=UNIT)
+
+
+def test_the_row_of_faces_there_and_back(rng):
+    uv = np.column_stack([rng.uniform(-3, 9, COUNT), rng.uniform(-1, 1, COUNT)])
+
+    np.testing.assert_allclose(CUBE.forward(CUBE.inverse(uv)), uv, rtol=0, atol=UNIT)
+
+
+@pytest.mark.parametrize("beside", [[-3.1, 0], [9.1, 0], [0, 1.1], [5, -1.1]])
+def test_beside_the_faces_there_is_nothing(beside):
+    assert np.isnan(CUBE.inverse(np.array([beside]))).any()
+
+
+def test_four_faces_stand_side_by_side_as_in_the_world():
+    for edge in (-1.0, 1.0, 3.0):
+        left, right = CUBE.inverse(np.array([[edge - UNIT, 0.4], [edge, 0.4]]))
+        np.testing.assert_allclose(left, right, rtol=0, atol=10 * UNIT)
+
+
+@pytest.mark.parametrize("number", range(len(cube.FACES)))
+def test_one_face_goes_on_beyond_its_edges(number, rays):
+    plane = CUBE.forward(rays, number)
+    shown = np.isfinite(plane).all(1)
+    assert shown.mean() > LEAST_SHOWN
+
+    back = CUBE.inverse(plane[shown], number)
+
+    back /= np.linalg.norm(back, axis=1, keepdims=True)
+    np.testing.assert_allclose(back, rays[shown], rtol=0, atol=UNIT)
+    assert (np.abs(plane[shown] - [2 * (number - 1), 0]) > 1).any()

@@ -15,8 +15,10 @@ from PIL import Image, ImageCms
 from PIL.ExifTags import GPS, IFD, Base
 from PIL.TiffImagePlugin import IFDRational
 
+import icc
 from compositing.mosaics import alignment_of
 from panostitch.io import tiff, writers
+from panostitch.io.colour import in_one_profile
 from panostitch.io.readers import open_photo
 from panostitch.model.canvas import Canvas, Layer, Region
 from panostitch.model.light import unchanged
@@ -191,12 +193,11 @@ def test_photos_taken_far_apart_have_no_place(far, tmp_path):
     assert read(tmp_path / "a.jpg")[1] == {}
 
 
-def test_of_colour_profiles_that_of_most_photos_is_kept_and_said(tmp_path):
-    others = bytearray(profile())
-    others[100] ^= 1  # a reserved byte
-    photos = [photo(tmp_path / f"{n}.jpg", icc_profile=p) for n, p in enumerate([bytes(others), profile(), profile()])]
+def test_the_one_colour_profile_to_which_photos_are_converted_is_carried_and_said(tmp_path):
+    profiles = [icc.rgb(icc.P3), profile(), profile()]
+    photos = [photo(tmp_path / f"{n}.jpg", icc_profile=p) for n, p in enumerate(profiles)]
 
-    written = write(tmp_path / "a.tif", panorama_of(photos))
+    written = write(tmp_path / "a.tif", panorama_of(in_one_profile(photos)))
 
     assert read(tmp_path / "a.tif")[2] == profile()
     (note,) = written.notes
@@ -321,7 +322,7 @@ def test_no_heading_where_it_is_not_known(directions, tmp_path):
     assert "PoseHeadingDegrees" not in gpano(read(tmp_path / "a.jpg")[3])
 
 
-@pytest.mark.parametrize("change", [{"projection": "cylindrical"}, {"model": "similarity"}])
+@pytest.mark.parametrize("change", [{"projection": "cylindrical"}, {"projection": "cube"}, {"model": "similarity"}])
 def test_what_is_no_sphere_is_not_told_as_one(change, tmp_path):
     panorama = panorama_of([photo(tmp_path / "1.jpg")])
     if "model" in change:

@@ -4,6 +4,7 @@ from functools import partial
 
 from panostitch.compositing.compose import Work, compose
 from panostitch.compositing.cost import decoding_bytes, kept_bytes, photo_budget, tile_bytes
+from panostitch.compositing.cube import make_cube
 from panostitch.compositing.frame import frame
 from panostitch.compositing.layout import lay_out
 from panostitch.compositing.plan import make_plan
@@ -13,7 +14,7 @@ from panostitch.model.canvas import Canvas
 from panostitch.model.panorama import Panorama, Plan
 from panostitch.options import CompositingOptions
 
-__all__ = ["decoding_bytes", "frame", "lay_out", "make_panorama", "make_plan"]
+__all__ = ["decoding_bytes", "frame", "lay_out", "make_cube", "make_panorama", "make_plan"]
 
 
 def make_panorama(
@@ -29,6 +30,6 @@ def make_panorama(
         work.photos,
         work.decoded.forget,
         partial(tile_bytes, work),
-        partial(kept_bytes, work, budget),
+        partial(kept_bytes, alignment.photos, work.photos, budget),
         alignment,
     )

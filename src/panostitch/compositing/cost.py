@@ -1,6 +1,6 @@
 """How much memory compositing takes, estimated before it is taken; the numbers are measured (NumPy's peak)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from panostitch.compositing.compose import IN_CACHE, Work
 from panostitch.compositing.warp import CACHE_BYTES
@@ -27,14 +27,19 @@ def tile_bytes(work: Work, region: Region) -> int:
     return region.area * REGION_PIXEL + joined + decoding_bytes(work.alignment.photos)
 
 
-def kept_bytes(work: Work, budget: int, regions: Sequence[Region]) -> int:
-    """Bytes that the photos take which are in memory at once when these regions are read in their order."""
-    shown = [work.photos(region) for region in regions]
-    last = {photo: number for number, photos in enumerate(shown) for photo in photos}
+def kept_bytes(
+    photos: Sequence[Photo], of_region: Callable[[Region], frozenset[int]], budget: int, regions: Sequence[Region]
+) -> int:
+    """Bytes that the photos take which are in memory at once when these regions are read in their order.
+
+    of_region: the numbers of the photos that a region is made of
+    """
+    shown = [of_region(region) for region in regions]
+    last = {photo: number for number, own in enumerate(shown) for photo in own}
     most, kept = 0, set[int]()
-    for number, photos in enumerate(shown):
-        kept |= photos
-        most = max(most, decoded_bytes([work.alignment.photos[photo] for photo in kept if photo != NOBODY]))
+    for number, own in enumerate(shown):
+        kept |= own
+        most = max(most, decoded_bytes([photos[photo] for photo in kept if photo != NOBODY]))
         kept -= {photo for photo in kept if last[photo] == number}
     return min(budget, most)
 

@@ -12,6 +12,7 @@ Floats = NDArray[np.float64]
 GRID = 24  # rays along each side of a photo that find its extent
 AROUND = 720  # rays around a point where a projection ends
 HAIR = 1e-9  # radians
+POLES = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
 
 
 def rays_over(cameras: Sequence[Camera]) -> Floats:
@@ -21,7 +22,7 @@ def rays_over(cameras: Sequence[Camera]) -> Floats:
 
 def shows_pole(cameras: Sequence[Camera]) -> bool:
     """Whether a photo shows the zenith or the nadir."""
-    return bool(covered_rays(cameras, np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])).any())
+    return bool(covered_rays(cameras, POLES).any())
 
 
 def arc(cameras: Sequence[Camera]) -> tuple[float, float]:

@@ -26,7 +26,7 @@ def frame(
     """
     if options.sides is None:
         canvas = lay_out(alignment, options, trace=trace)
-        return canvas, _window(canvas, options) if options.window else _rule(options)
+        return canvas, window(canvas, options) if options.window else _rule(options)
     measured = lay_out(alignment, options)
     crop = _measured(alignment, measured, _rule(options), run)
     canvas = _resized(measured, crop.region, *_fitting(measured, crop.region, options))
@@ -40,7 +40,8 @@ def _rule(options: LayoutOptions) -> str:
     return "none" if options.field and options.crop == "auto" else options.crop
 
 
-def _window(canvas: Canvas, options: LayoutOptions) -> Crop:
+def window(canvas: Canvas, options: LayoutOptions) -> Crop:
+    """The rectangle that was asked for. Raises UsageError where it is not on the canvas."""
     region = Region(*(options.window or ()))
     if region & canvas.region != region:
         raise UsageError(

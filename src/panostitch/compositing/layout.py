@@ -41,10 +41,7 @@ def lay_out(alignment: Alignment, options: LayoutOptions, *, trace: Trace = sile
 def _plane(cameras: Sequence[Camera], options: LayoutOptions) -> Canvas:
     """The plane of a flat subject, seen straight on from the photo that defines it."""
     if options.projection not in ("auto", "rectilinear"):
-        raise UsageError(
-            f"--projection {options.projection} cannot show a flat subject",
-            hint="leave it out, or force the other model with --model rotation",
-        )
+        raise cannot_be_flat(options.projection)
     if options.field:
         raise UsageError(
             "--fov: a flat subject has no field of view",
@@ -57,6 +54,14 @@ def _plane(cameras: Sequence[Camera], options: LayoutOptions) -> Canvas:
         )
     choice = Choice("rectilinear", (), "flat subject")
     return _canvas(choice, options.scale, PROJECTIONS["rectilinear"].forward(outlines))
+
+
+def cannot_be_flat(projection: str) -> UsageError:
+    """The error that says that a projection shows views all around, and no flat subject."""
+    return UsageError(
+        f"--projection {projection} cannot show a flat subject",
+        hint="leave it out, or force the other model with --model rotation",
+    )
 
 
 def _sphere(cameras: Sequence[Camera], options: LayoutOptions) -> Canvas:

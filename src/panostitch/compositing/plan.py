@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from panostitch.compositing.blend import BLENDERS
 from panostitch.compositing.blend.pieces import Piece, fill, hard_composite, only
-from panostitch.compositing.coverage import covered_rays
+from panostitch.compositing.coverage import POLES, covered_rays
 from panostitch.compositing.crop import Crop, choose_crop, surely_covered
 from panostitch.compositing.exposure import EXPOSURE
 from panostitch.compositing.light import expose, with_fall_off
@@ -112,7 +112,9 @@ def _fully_covered(
     ring = np.ones(framed.shape, bool)
     ring[1:-1, 0 if small.wraps else 1 : None if small.wraps else -1] = False
     y, x = np.nonzero(ring)
-    framed[y, x] = covered_rays(cameras, small.rays(np.column_stack([x - 1.0, y - 1.0])))
+    rays = small.rays(np.column_stack([x - 1.0, y - 1.0]))
+    # beyond the poles there is nothing; for what lies before them, they themselves count
+    framed[y, x] = np.where(np.isnan(rays).any(1), covered_rays(cameras, POLES).all(), covered_rays(cameras, rays))
     return bool(surely_covered(framed)[1:-1, 1:-1][crop.within(small.region)].all())
 
 

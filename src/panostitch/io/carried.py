@@ -6,7 +6,6 @@ Maker notes, thumbnails, focal lengths, serial numbers and all other tags stay b
 import math
 import re
 import warnings
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -15,6 +14,7 @@ from typing import Any
 
 from PIL import ExifTags, Image
 
+from panostitch.io.colour import conversions
 from panostitch.io.metadata import read_exif
 from panostitch.io.place import Position, place_tags, whereabouts
 from panostitch.io.readers import FORMATS, READ_FAILURES
@@ -25,7 +25,6 @@ Base, IFD = ExifTags.Base, ExifTags.IFD
 MAIN = (Base.Make, Base.Model, Base.Artist, Base.Copyright)
 LENS = (Base.LensMake, Base.LensModel)
 LONGEST_TEXT = 500  # bytes; longer ones are no names
-LARGEST_PROFILE = 1 << 20  # bytes; profiles of RGB have 500 to 500,000
 FAILURES = (*READ_FAILURES, ArithmeticError)
 
 
@@ -35,13 +34,11 @@ class Own:
 
     texts:    tags of MAIN and LENS
     offset:   of its clock from UTC, as +01:00
-    profile:  ICC profile of its RGB
     heading:  degrees from true north, clockwise, in which it looks
     """
 
     texts: dict[int, bytes]
     offset: str = ""
-    profile: bytes = b""
     position: Position | None = None
     heading: float | None = None
 
@@ -50,9 +47,9 @@ class Own:
 class Carried:
     """What the panorama takes over.
 
-    profile:  ICC profile; empty where photos have none
+    profile:  ICC profile of the photos' pixels; empty where they have none
     headings: of each photo, degrees from true north; None where unknown
-    notes:    what could not be taken over as it was
+    notes:    what became of the photos' own profiles
     """
 
     exif: Image.Exif
@@ -62,9 +59,11 @@ class Carried:
 
 
 def carried(photos: Sequence[Photo]) -> Carried:
-    """The metadata for a panorama of these photos. Reads their headers; what is broken is left out, never an error."""
+    """The metadata for a panorama of these photos, which have one colour profile.
+
+    Reads their headers; what is broken is left out, never an error.
+    """
     owns = [_read(photo.path) for photo in photos]
-    profile, notes = _profile(photos, owns)
     agreed: dict[int, bytes] = {
         tag: text for tag in (*MAIN, *LENS) if (text := _agreed(own.texts.get(tag) for own in owns))
     }
@@ -76,7 +75,8 @@ def carried(photos: Sequence[Photo]) -> Carried:
     exif.get_ifd(IFD.Exif).update({Base.ExifVersion: b"0232"} | lens | _date(photos, owns))
     if place := place_tags([own.position for own in owns]):
         exif.get_ifd(IFD.GPSInfo).update(place)
-    return Carried(exif, profile, tuple(own.heading for own in owns), notes)
+    profile = _agreed(photo.profile for photo in photos) or b""
+    return Carried(exif, profile, tuple(own.heading for own in owns), conversions(photos))
 
 
 def software() -> str:
@@ -91,20 +91,6 @@ def _agreed(values: Iterable[bytes | None]) -> bytes | None:
     """The value that all have in common."""
     several = set(values)
     return several.pop() if len(several) == 1 else None
-
-
-def _profile(photos: Sequence[Photo], owns: Sequence[Own]) -> tuple[bytes, tuple[str, ...]]:
-    """The colour profile that most photos have, the first ones if there are as many of another; and who differs."""
-    count = Counter(own.profile for own in owns)
-    if not count:
-        return b"", ()
-    chosen = count.most_common(1)[0][0]
-    others = [photo.name for photo, own in zip(photos, owns, strict=True) if own.profile != chosen]
-    if not others:
-        return chosen, ()
-    kept = "the colour profile of most photos is kept" if chosen else "like most photos it has no colour profile"
-    named = ", ".join(others[:3]) + (f" and {len(others) - 3} more" if len(others) > 3 else "")
-    return chosen, (f"{kept}; colours of {named}, which differ in theirs, are not converted",)
 
 
 def _date(photos: Sequence[Photo], owns: Sequence[Own]) -> dict[int, str]:
@@ -130,7 +116,6 @@ def _read(path: str) -> Own:
                 return Own(
                     {tag: found for tag in (*MAIN, *LENS) if (found := _text(_either(tags, tag)))},
                     _offset(_either(tags, Base.OffsetTimeOriginal)),
-                    _rgb_profile(image.info.get("icc_profile")),
                     *whereabouts(tags.get_ifd(IFD.GPSInfo)),
                 )
     except FAILURES:
@@ -153,11 +138,3 @@ def _text(value: Any) -> bytes:
 def _offset(value: Any) -> str:
     text = value if isinstance(value, str) else ""
     return text if re.fullmatch(r"[+-][01][0-9]:[0-5][0-9]", text) else ""
-
-
-def _rgb_profile(profile: Any) -> bytes:
-    """A profile that may stand in an RGB picture: sound as far as its header tells, and of RGB."""
-    if not isinstance(profile, bytes) or not 128 < len(profile) <= LARGEST_PROFILE:
-        return b""
-    sound = int.from_bytes(profile[:4]) == len(profile) and profile[36:40] == b"acsp"
-    return profile if sound and profile[16:20] == b"RGB " else b""

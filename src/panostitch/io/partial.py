@@ -19,6 +19,7 @@ from typing import IO
 
 import cv2
 import numpy as np
+import PIL
 import scipy
 
 from panostitch.errors import OutputError
@@ -112,7 +113,14 @@ def fingerprint(alignment: Alignment, options: Options) -> str:
     """A key that changes with everything that pixels depend on: cameras, options, photos, programs."""
     files = [(os.stat(p.path).st_size, os.stat(p.path).st_mtime_ns) for p in alignment.photos if p.path]
     # other versions of the programs may make other pixels
-    programs = [platform.machine(), version("panostitch"), cv2.__version__, np.__version__, scipy.__version__]
+    programs = [
+        platform.machine(),
+        version("panostitch"),
+        cv2.__version__,
+        np.__version__,
+        scipy.__version__,
+        PIL.__version__,
+    ]
     facts = [alignment.to_json(), repr(options.layout), repr(options.compositing), files, programs]
     return hashlib.sha256(json.dumps(facts).encode()).hexdigest()
 

@@ -10,7 +10,7 @@ import warnings
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -30,6 +30,7 @@ from PIL import (
 )
 
 from panostitch.errors import InputError
+from panostitch.io.colour import read_profiles, to_srgb
 from panostitch.io.deep import COPY_ANEW, InEightBits, deep_file, unknown_tiff
 from panostitch.io.metadata import read_metadata
 from panostitch.io.orientation import asked_for
@@ -77,11 +78,13 @@ class FileSource:
 
     orientation: the EXIF orientation that makes them upright
     jpeg_size:   stored (width, height) px of an ordinary JPEG; None for what Pillow is to decode
+    device:      ICC profile of its grey or CMYK; empty for RGB, and where it has none
     """
 
     path: str
     orientation: int
     jpeg_size: tuple[int, int] | None
+    device: bytes = field(default=b"", repr=False)
 
     def read(self, scale: float = 1.0) -> tuple[Pixels, Pixels | None]:
         """Upright RGB pixels (h, w, 3) at `scale` <= 1 and the mask (h, w) of alpha, if any. Raises InputError."""
@@ -95,7 +98,7 @@ class FileSource:
             if self.jpeg_size:
                 return _decode_jpeg(self.path, self.jpeg_size, _reduction(self.jpeg_size, scale)), None, self.jpeg_size
             with Image.open(self.path, formats=FORMATS) as image:
-                return *_from_pillow(image), image.size
+                return *_from_pillow(image, self.device), image.size
         except InputError:
             raise
         except READ_FAILURES as error:
@@ -128,9 +131,10 @@ def open_photo(path: str | os.PathLike[str]) -> Photo:
             warnings.simplefilter("ignore")  # of Pillow, at tags that are damaged, and ignored
             with Image.open(name, formats=FORMATS) as image:
                 metadata = read_metadata(image)
-                jpeg = image.format in ("JPEG", "MPO") and image.mode in ("RGB", "L")
                 deep = deep_file(image, name, metadata.orientation)
-                shallow = FileSource(name, metadata.orientation, image.size if jpeg else None)
+                profiles = read_profiles(image, deep=deep is not None)
+                jpeg = image.format in ("JPEG", "MPO") and image.mode in ("RGB", "L") and not profiles.device
+                shallow = FileSource(name, metadata.orientation, image.size if jpeg else None, profiles.device)
     except InputError:
         raise
     except UnidentifiedImageError:
@@ -149,9 +153,10 @@ def open_photo(path: str | os.PathLike[str]) -> Photo:
         name,
         metadata.focal,
         metadata.lens,
-        metadata.notes,
+        (*metadata.notes, *profiles.notes),
         metadata.taken,
         deep,
+        profiles.rgb,
     )
 
 
@@ -190,12 +195,17 @@ def _decode_jpeg(path: str, size: tuple[int, int], reduction: int) -> Pixels:
     return np.asarray(decoded, np.uint8)
 
 
-def _from_pillow(image: Image.Image) -> tuple[Pixels, Pixels | None]:
-    """RGB and alpha of any mode of Pillow's; 16-bit grey, which JPEG 2000 and PNM may have, comes in 8 bits."""
+def _from_pillow(image: Image.Image, device: bytes) -> tuple[Pixels, Pixels | None]:
+    """RGB and alpha of any mode of Pillow's; 16-bit grey, which JPEG 2000 and PNM may have, comes in 8 bits.
+
+    Grey and CMYK become sRGB by their own profile, if they have one.
+    """
     if image.mode.startswith("I"):
         grey = (np.asarray(image, np.float64) / 257).clip(0, 255).round().astype(np.uint8)
         return np.repeat(grey[..., None], 3, axis=2), None
+    shown = to_srgb(image, device) if device else image
     if "A" in image.mode or "transparency" in image.info:
         rgba = np.asarray(image.convert("RGBA"), np.uint8)
-        return np.ascontiguousarray(rgba[..., :3]), np.ascontiguousarray(rgba[..., 3])
-    return np.array(image.convert("RGB"), np.uint8), None
+        colours = np.asarray(shown, np.uint8) if device else rgba[..., :3]
+        return np.ascontiguousarray(colours), np.ascontiguousarray(rgba[..., 3])
+    return np.array(shown.convert("RGB"), np.uint8), None

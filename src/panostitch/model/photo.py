@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -46,6 +46,7 @@ class Photo:
     taken:  seconds from some fixed day to the exposure, for the order of photos; None where unknown
     notes:  what was surprising on reading, for the user's eyes
     deep:   where its pixels come from with 16 bits a channel; None where it has no more than 8
+    profile: ICC profile of those pixels; empty where it has none, which means sRGB
     """
 
     name: str
@@ -57,6 +58,7 @@ class Photo:
     notes: tuple[str, ...] = ()
     taken: float | None = None
     deep: DeepSource | None = None
+    profile: bytes = field(default=b"", repr=False)
 
     @property
     def depth(self) -> int:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from panostitch.geometry.projections import (
     compressed_rectilinear,
+    cube,
     cylindrical,
     equirectangular,
     equisolid,
@@ -54,4 +55,5 @@ PROJECTIONS = {
     "fisheye": Projection(fisheye.forward, fisheye.inverse),
     "equisolid": Projection(equisolid.forward, equisolid.inverse),
     "transverse-mercator": Projection(transverse_mercator.forward, transverse_mercator.inverse),
+    "cube": Projection(cube.forward, cube.inverse),
 }
