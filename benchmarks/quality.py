@@ -31,14 +31,14 @@ from quality_judge import Finished, Quality, compare, judge
 from quality_programs import PROGRAMS, installed
 
 PLANS = ("row", "two_rows", "ring")
-SIZE = (800, 600)  # px of each photo
+SIZE = (640, 480)  # px of each photo
 LIGHTS = {
     "even": Conditions(exposure_step=0.0, vignetting=0.0, noise=0.0, exif=True),
     "uneven": Conditions(exposure_step=0.3, vignetting=0.2, noise=0.0, exif=True),
 }
 HALL = "hall"
-HALL_WIDTH = 6144  # px: finer than the photos
-FINE_ENOUGH = 4000  # px, width of a sphere's picture that photos of this size hardly enlarge
+HALL_WIDTH = 4096  # px
+FINE_ENOUGH = 4000  # px, width of a sphere's picture that photos of this size do not enlarge
 SPHERE_ASPECT = (1.99, 2.01)  # some are a few pixels short of 2 : 1
 PHOTOS = "(the photos)"
 JPEG = {"quality": 95, "subsampling": "4:2:2"}  # as good cameras write them
@@ -64,7 +64,7 @@ class Row:
 
 
 def main() -> None:
-    """Print the table, and write it if asked."""
+    """Print every row, and write the page if asked."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--textures", type=Path, help="folder of pictures to photograph; those twice as wide as high")
     parser.add_argument("--plans", default=",".join(PLANS), help="names of plans, with commas between")
@@ -81,10 +81,8 @@ def main() -> None:
                 keep = given.keep and given.keep / f"{name}-{plan}-{light}"
                 rows.append(judged(name, scene, plan, light, given.programs.split(","), run, keep))
                 print("\n".join(lines(rows[-1])), flush=True)
-    text = page(rows)
-    print(text)
-    if given.output:
-        given.output.write_text(text)
+                if given.output:
+                    given.output.write_text(page(rows))  # what is done so far
 
 
 def scenes(folder: Path | None) -> Iterator[tuple[str, Scene]]:
