@@ -64,7 +64,8 @@ go tens of pixels another way than those of what is far, and no warp without a t
 
 PSNR and SSIM: the second photo is resampled into the first one and compared there, after a gain for each channel, over
 the pixels that all contestants of the set put into both photos, and nowhere else. A dash: no result. One row of means
-is over all sets, the other over those in which every contestant has a result."""
+is over all sets, the other over those in which every contestant has a result. The means are those of a few sets with
+much parallax; the last row gives all sets the same weight."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ def main() -> int:
     """Judge the pairs that the command line names; the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folders", nargs="+", type=Path, help="each holds two photos")
-    parser.add_argument("--output", type=Path, help="a Markdown page to write")
+    parser.add_argument("--output", type=Path, help="a Markdown page to write, set by set")
     given = parser.parse_args()
     results: dict[str, tuple[int, dict[str, Scores]]] = {}
     for folder in given.folders:
@@ -89,11 +90,10 @@ def main() -> int:
         if len(photos) != 2:
             parser.error(f"{folder} holds {len(photos)} photos, not two")
         results[folder.name] = judge(photos)
+        if given.output:
+            given.output.write_text(page(results))  # what is done so far
         print(folder.name, *(f"{name} {scores}" for name, scores in results[folder.name][1].items()), flush=True)
-    text = page(results)
-    print(text)
-    if given.output:
-        given.output.write_text(text)
+    print(page(results))
     return 0
 
 
@@ -212,6 +212,8 @@ def page(results: dict[str, tuple[int, dict[str, Scores]]]) -> str:
         lines += ["", f"## {title}", "", f"| set | matches | {' | '.join(CONTESTANTS)} |", f"|---|---|{'---|' * 4}"]
         rows = [(name, str(count), scores) for name, (count, scores) in results.items()]
         rows += [(f"mean of {len(some)}", "", means(some)) for some in (every, full) if some]
+        if kinds[0][0] == "rms":
+            rows.append((f"times that of {HOMOGRAPHY}, geometric mean", "", ratios(every)))
         for name, count, scores in rows:
             cells = [cell(scores.get(who), kinds) for who in CONTESTANTS]
             lines.append(f"| {name} | {count} | {' | '.join(cells)} |")
@@ -225,6 +227,17 @@ def means(sets: list[dict[str, Scores]]) -> dict[str, Scores]:
         for who in CONTESTANTS
         if all(who in scores for scores in sets)
     }
+
+
+def ratios(sets: list[dict[str, Scores]]) -> dict[str, Scores]:
+    """What each contestant's scores are of the homography's, in the sets in which both have one: no set outweighs."""
+    found = {}
+    for who in CONTESTANTS:
+        both = [(vars(scores[who]), vars(scores[HOMOGRAPHY])) for scores in sets if {who, HOMOGRAPHY} <= scores.keys()]
+        if both:
+            shares = [np.log(np.divide(list(one.values()), list(other.values()))) for one, other in both]
+            found[who] = Scores(*np.exp(np.mean(shares, axis=0)))
+    return found
 
 
 def cell(scores: Scores | None, kinds: tuple[tuple[str, str], ...]) -> str:

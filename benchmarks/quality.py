@@ -173,14 +173,15 @@ that a part in a wrong place is not excused.
 Columns: PSNR in dB (peak 255); SSIM of grey values; sharpness, the energy of the gradient over the scene's; the true
 error of the cameras, rms, px; how many photos are in the panorama; its scale, px for a px in the middle of a photo.
 `{PHOTOS}` are the JPEG files beside the photos that they were made of: what compression alone costs, and adds to the
-gradient. Bold: best of its row; for sharpness, nearest to that of the photos.
+gradient. Bold: best of its panorama, and what is no further from it than {LEVEL["psnr"]:g} dB, {LEVEL["ssim"]:g} and
+{LEVEL["sharpness"]:g}; for sharpness, best is nearest to that of the photos.
 
 Made by `python benchmarks/quality.py` with OpenCV {cv2.__version__}, NumPy {np.__version__}, Python
 {platform.python_version()}.
 
 ## Means
 
-Over the panoramas of which every program has a picture, and in how many of these it is the best one.
+Over the panoramas of which every program has a picture, and in how many of these it is best, or as good.
 
 | light | program | panoramas | PSNR | best in | SSIM | best in | sharpness | best in |
 |---|---|---|---|---|---|---|---|---|
@@ -195,16 +196,19 @@ Over the panoramas of which every program has a picture, and in how many of thes
 
 
 MEASURES = {"psnr": "{:.2f}", "ssim": "{:.4f}", "sharpness": "{:.3f}"}
+# what differs by no more is as good: the noise of the files moves it
+LEVEL = {"psnr": 0.05, "ssim": 0.0005, "sharpness": 0.005}
 
 
-def best(row: Row, measure: str) -> str:
-    """The program that is best in a row; none has that name where there is no picture."""
+def best(row: Row, measure: str) -> list[str]:
+    """The program that is best in a row, and others that are as good."""
 
     def merit(name: str) -> float:
         value, photos = (float(getattr(quality, measure)) for quality in (row.made[name], row.photos))
         return -abs(value - photos) if measure == "sharpness" else value
 
-    return max(row.made, key=merit, default="")
+    most = max(map(merit, row.made), default=0.0)
+    return [name for name in row.made if merit(name) >= most - LEVEL[measure]]
 
 
 def means(rows: Sequence[Row]) -> list[str]:
@@ -217,7 +221,7 @@ def means(rows: Sequence[Row]) -> list[str]:
             cells = [light, program, str(len(full))]
             for measure, form in MEASURES.items():
                 mean = np.mean([getattr(quality, measure) for quality in qualities]) if full else np.nan
-                wins = str(sum(best(row, measure) == program for row in full))
+                wins = str(sum(program in best(row, measure) for row in full))
                 cells += [form.format(mean), "-" if program == PHOTOS else wins]
             found.append(f"| {' | '.join(cells)} |")
     return found
@@ -233,7 +237,7 @@ def lines(row: Row) -> list[str]:
         else:
             for measure, form in MEASURES.items():
                 value = form.format(getattr(result, measure))
-                cells.append(f"**{value}**" if best(row, measure) == program else value)
+                cells.append(f"**{value}**" if program in best(row, measure) else value)
             cells += [f"{result.cameras:.2f}", str(result.photos), f"{result.scale:.3f}"]
         found.append(f"| {' | '.join(cells)} |")
     return found

@@ -27,20 +27,25 @@ SAME = 1e-6  # px, rad
 
 
 @pytest.fixture(scope="module")
-def programs():
+def script():
     """The scripts of the benchmark find each other in their own folder."""
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(BENCHMARKS))
-        import quality_programs
+        import quality
 
-        yield quality_programs
-        for name in ("quality_programs", "quality_judge"):
+        yield quality
+        for name in ("quality", "quality_programs", "quality_judge"):
             del sys.modules[name]
 
 
 @pytest.fixture(scope="module")
-def judge(programs):
-    return sys.modules[programs.Place.__module__]
+def judge(script):
+    return sys.modules[script.judge.__module__]
+
+
+@pytest.fixture(scope="module")
+def programs(script):
+    return sys.modules[script.installed.__module__]
 
 
 @pytest.fixture(scope="module")
@@ -179,3 +184,19 @@ def test_ours_says_where_it_lies(programs, judge, scene, cameras):
     stated = replace(picture.place, turn=judge.stated_turn(cameras, picture.cameras))
     found = judge.register(scene, cameras, picture)
     assert rms(apart(found, stated, found.grid)) < 0.2
+
+
+def test_the_page_says_who_is_best_and_who_failed(script, judge):
+    photos = judge.Quality(43.0, 0.992, 1.001, 0.0, 6, 1.0)
+    first, second = replace(photos, psnr=40.0, sharpness=0.997), replace(photos, psnr=39.97, ssim=0.98, sharpness=1.02)
+    both = script.Row("hall", "row", "even", photos, {"one": first, "other": second})
+    alone = script.Row("hall", "row", "uneven", photos, {"one": first, "other": "failed: too few photos"})
+    assert script.lines(both)[1:] == [
+        "| hall | row | even | one | **40.00** | **0.9920** | **0.997** | 0.00 | 6 | 1.000 |",
+        "| hall | row | even | other | **39.97** | 0.9800 | 1.020 | 0.00 | 6 | 1.000 |",
+    ]
+    assert script.lines(alone)[2] == "| hall | row | uneven | other | failed: too few photos | - | - | - | - | - |"
+    page = script.page([both, alone])
+    assert "| even | one | 1 | 40.00 | 1 | 0.9920 | 1 | 0.997 | 1 |" in page
+    assert "| even | other | 1 | 39.97 | 1 | 0.9800 | 0 | 1.020 | 0 |" in page
+    assert "\n| uneven | one |" not in page  # where one has failed there is nothing to compare
