@@ -216,12 +216,14 @@ def shown(mask: Booleans, xy: Floats) -> Booleans:
 
 
 def photographed(cameras: Sequence[Camera], rays: Floats) -> Booleans:
-    """Which rays (n,) lie well inside a photo."""
+    """Which rays (n,) of unit length lie well inside a photo."""
     seen = np.zeros(len(rays), bool)
     for camera in cameras:
-        # NaN compares as outside
-        xy = camera.project(rays)
-        seen |= ((xy >= MARGIN) & (xy <= np.array(camera.size) - 1 - MARGIN)).all(1)
+        ahead, corners = camera.cam_from_world[2], camera.rays(camera.corners)
+        farthest = (corners @ ahead / np.linalg.norm(corners, axis=1)).min()
+        index = np.flatnonzero(~seen & (rays @ ahead > farthest))
+        xy = camera.project(rays[index])
+        seen[index] = ((xy >= MARGIN) & (xy <= np.array(camera.size) - 1 - MARGIN)).all(1)
     return seen
 
 
