@@ -24,9 +24,11 @@ from panostitch.io.readers import EXTENSIONS, open_photos
 from panostitch.jobs import selftest
 from panostitch.jobs.hugin import HuginError, exif_of
 from panostitch.jobs.selftest import Conditions
+from panostitch.model.camera import Camera
 from panostitch.model.photo import Photo
 from panostitch.runtime.executor import Executor
 from panostitch.synthetic.scene import Scene, gallery_texture, sphere_scene
+from panostitch.synthetic.score import score
 from quality_judge import Finished, Quality, compare, judge
 from quality_programs import PROGRAMS, installed
 
@@ -36,6 +38,7 @@ LIGHTS = {
     "even": Conditions(exposure_step=0.0, vignetting=0.0, noise=0.0, exif=True),
     "uneven": Conditions(exposure_step=0.3, vignetting=0.2, noise=0.0, exif=True),
 }
+WRONG = 20.0  # px, rms error of the cameras beyond which a program has failed
 HALL = "hall"
 HALL_WIDTH = 4096  # px
 FINE_ENOUGH = 4000  # px, width of a sphere's picture that photos of this size do not enlarge
@@ -67,6 +70,7 @@ def main() -> None:
     """Print every row, and write the page if asked."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--textures", type=Path, help="folder of pictures to photograph; those twice as wide as high")
+    parser.add_argument("--scenes", help="names of those to take, with commas between; by default all")
     parser.add_argument("--plans", default=",".join(PLANS), help="names of plans, with commas between")
     parser.add_argument("--programs", default=",".join(installed()), help="names, with commas between")
     parser.add_argument("--threads", type=int, default=2)
@@ -75,7 +79,7 @@ def main() -> None:
     given = parser.parse_args()
     run = Executor(given.threads)
     rows = []
-    for name, scene in scenes(given.textures):
+    for name, scene in scenes(given.textures, given.scenes and given.scenes.split(",")):
         for plan in given.plans.split(","):
             for light in LIGHTS:
                 keep = given.keep and given.keep / f"{name}-{plan}-{light}"
@@ -85,11 +89,13 @@ def main() -> None:
                     given.output.write_text(page(rows))  # what is done so far
 
 
-def scenes(folder: Path | None) -> Iterator[tuple[str, Scene]]:
-    """The computed hall, and spheres of the pictures in a folder that are fine enough."""
-    yield HALL, sphere_scene(gallery_texture(HALL_WIDTH))
+def scenes(folder: Path | None, names: Sequence[str] | None) -> Iterator[tuple[str, Scene]]:
+    """The computed hall, and spheres of the pictures in a folder that are fine enough; of these, the ones named."""
+    if not names or HALL in names:
+        yield HALL, sphere_scene(gallery_texture(HALL_WIDTH))
     for path in sorted(folder.iterdir()) if folder else []:
-        pixels = cv2.imread(str(path), cv2.IMREAD_COLOR_RGB) if path.suffix.lower() in EXTENSIONS else None
+        known = path.suffix.lower() in EXTENSIONS and (not names or path.stem in names)
+        pixels = cv2.imread(str(path), cv2.IMREAD_COLOR_RGB) if known else None
         if pixels is None or pixels.shape[1] < FINE_ENOUGH:
             continue
         if SPHERE_ASPECT[0] <= pixels.shape[1] / pixels.shape[0] <= SPHERE_ASPECT[1]:
@@ -110,7 +116,7 @@ def judged(
         left = what_is_left(exposed, photos)
         for program in programs:
             try:
-                pictures[program] = PROGRAMS[program](photos, cameras, run)
+                pictures[program] = right(PROGRAMS[program](photos, cameras, run), cameras)
             except (PanostitchError, HuginError, ValueError, subprocess.TimeoutExpired) as error:
                 failures[program] = f"failed: {error}"
     qualities = judge(scene, cameras, pictures)
@@ -120,6 +126,14 @@ def judged(
             cv2.imwrite(str(keep / f"{program}.png"), picture.pixels[..., ::-1])
     results = {program: qualities.get(program) or failures[program] for program in programs}
     return Row(name, plan, light, left, results)
+
+
+def right(picture: Finished, cameras: Sequence[Camera]) -> Finished:
+    """The picture. Raises ValueError where its photos are in wrong places, so that there is nothing to compare."""
+    error = score(cameras, picture.cameras).rms
+    if error > WRONG:
+        raise ValueError("photos in wrong places" + (f", {error:.0f} px off" if np.isfinite(error) else ""))
+    return picture
 
 
 def what_is_left(exposed: Sequence[Photo], photos: Sequence[Photo]) -> Quality:
@@ -150,7 +164,8 @@ def page(rows: Sequence[Row]) -> str:
     uneven = LIGHTS["uneven"]
     return f"""# Quality
 
-Finished panoramas beside the scene that was photographed. The photos are {SIZE[0]} x {SIZE[1]} px, JPEG of quality
+Finished panoramas beside the scene that was photographed: `{HALL}`, which is computed, so that anyone can do it again,
+and spherical pictures of true places (`--textures`). The photos are {SIZE[0]} x {SIZE[1]} px, JPEG of quality
 {JPEG["quality"]} ({JPEG["subsampling"]}) with their focal length in the metadata. In `uneven` light it goes up and down
 by {2 * uneven.exposure_step:g} EV from photo to photo, and {uneven.vignetting:.0%} of it are lost in the corners; in
 `even` light nothing of the kind.
@@ -166,15 +181,19 @@ whole, with which its grey values differ least from the scene's, are then fitted
 wrong place within the picture stays there. The scene is rendered at the picture's own pixels, so that no picture is
 resampled. Each channel gets the factor and the offset that suit it best, as the brightness of the whole is a matter of
 taste. Compared is what all pictures show that have all photos in them (or the most of them), without a margin at the
-edge; where a program has left photos out, its own picture is judged by as much of that as it shows. The tests of the
-benchmark show that the place of a perfect picture is found again to a few hundredths of a pixel, at 50 dB or more, and
-that a part in a wrong place is not excused.
+edge; where a program has left photos out, its own picture is judged by as much of that as it shows. Photos more than
+{WRONG:g} px from their places count as a failure. The tests of the benchmark show that the place of a perfect picture
+is found again to two hundredths of a pixel, at 50 dB or more, and that a part in a wrong place is not excused.
 
 Columns: PSNR in dB (peak 255); SSIM of grey values; sharpness, the energy of the gradient over the scene's; the true
 error of the cameras, rms, px; how many photos are in the panorama; its scale, px for a px in the middle of a photo.
 `{PHOTOS}` are the JPEG files beside the photos that they were made of: what compression alone costs, and adds to the
-gradient. Bold: best of its panorama, and what is no further from it than {LEVEL["psnr"]:g} dB, {LEVEL["ssim"]:g} and
-{LEVEL["sharpness"]:g}; for sharpness, best is nearest to that of the photos.
+gradient. Bold: best of its panorama, and what is no further from it than {LEVEL["psnr"]:g} dB, {LEVEL["ssim"]:g} or
+{LEVEL["sharpness"]:g}; best in sharpness is what is nearest to that of the photos.
+
+In uneven light what is burnt in the brighter photos is lost to all. panostitch darkens such photos but leaves what is
+nearly white in them as it is, so that white stays white. In a bright sky that does more harm than good: blue turns to
+lavender, and the blocks of the JPEG files show.
 
 Made by `python benchmarks/quality.py` with OpenCV {cv2.__version__}, NumPy {np.__version__}, Python
 {platform.python_version()}.
