@@ -186,6 +186,14 @@ def test_ours_says_where_it_lies(programs, judge, scene, cameras):
     assert rms(apart(found, stated, found.grid)) < 0.2
 
 
+def test_photos_in_wrong_places_are_a_failure(script, cameras, perfect):
+    picture = perfect[1]
+    assert script.right(picture, cameras) is picture
+    swapped = replace(picture, cameras=(picture.cameras[1], picture.cameras[0], picture.cameras[2]))
+    with pytest.raises(ValueError, match="wrong places"):
+        script.right(swapped, cameras)
+
+
 def test_the_page_says_who_is_best_and_who_failed(script, judge):
     photos = judge.Quality(43.0, 0.992, 1.001, 0.0, 6, 1.0)
     first, second = replace(photos, psnr=40.0, sharpness=0.997), replace(photos, psnr=39.97, ssim=0.98, sharpness=1.02)
