@@ -16,7 +16,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 from skimage.metrics import structural_similarity
 
 from panostitch import pipeline
@@ -33,32 +32,40 @@ from panostitch.options import FeatureOptions, MatchingOptions, Options
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
+Grey = NDArray[np.float32]
 Map = Callable[[Floats], Floats]  # from pixels (n, 2) of the first photo to pixels of the second
 
 HOMOGRAPHY, PLAIN, ELASTIC = "one homography", "--local-warp none", "--local-warp auto"
 CONTESTANTS = (HOMOGRAPHY, RIVAL, PLAIN, ELASTIC)
 DETECTION = FeatureOptions(work_megapixels=4.0, max_features=6000)
 THRESHOLD = 3.0  # px, of MAGSAC
-NEIGHBOURS = 8
-ODD = 0.003  # of the photo's longer side: a match that is further off its neighbours' median is taken for wrong
+EPIPOLAR = 1.5  # px, of MAGSAC: how far a match may be off its epipolar line
+HALF = 12  # px from the middle of a patch to its edge
+REACH = 0.1  # of the photo's longer side, around a match, in which nothing else may look like it
+ALIKE, CLEARLY = 0.7, 0.1  # correlation of the patches of a match, and how much less all others must have
+SAME = 3.0  # px: nearer places are the same
+TEXTURE = 2.0  # grey levels: a patch of less deviation shows nothing
 EACH = 3  # of so many matches one is held back
 STEP = 4  # px between exact coordinates when a photo is resampled
 WINDOW = 7  # px, of SSIM
 PROTOCOL = f"""Key points of the full photos (SIFT, at most {DETECTION.max_features}) are matched by ratio test
-and mutually. A match that goes more than {100 * ODD:g} % of the photo's length another way than the median of its
-{NEIGHBOURS} neighbours is taken for wrong. One in {EACH} is held back, and all are judged by these: the distance, in
-pixels of the second photo, from where the cameras (or the homography) send the point of the first photo to where it was
-matched. `{HOMOGRAPHY}` is MAGSAC++ and robust least squares on the other matches. panostitch and cv2.Stitcher get
+and mutually. One in {EACH} is held back, and all contestants are judged by those of them that are true: the distance,
+in pixels of the second photo, from where the cameras (or the homography) send the point of the first photo to where it
+was matched. `{HOMOGRAPHY}` is MAGSAC++ and robust least squares on the other matches. panostitch and cv2.Stitcher get
 nothing but the two photos; of cv2.Stitcher the cameras are taken that it gives back (`cameras()`), which is all its
 geometry: it has no local warp. The meshes of panostitch are fitted to patches of its own choice, which may lie where a
 match is held back.
 
-The filter favours whatever is smooth, and lets wrong matches pass that come in groups, as on rows of like posts: where
-the root mean square is many times the median, it speaks of these, in all columns alike.
+No contestant has a say in which matches are true. Those are that lie within {EPIPOLAR:g} px of their epipolar line, as
+in any scene that stands still, and that nothing in the neighbourhood can be mistaken for: patches of {2 * HALF + 1} px
+have a correlation of at least {ALIKE:g}, and all other places within {REACH:.0%} of the photo's length have
+{CLEARLY:g} less, looked for in either photo. That leaves out rows of like windows, and keeps what is near: matches may
+go tens of pixels another way than those of what is far, and no warp without a tear brings both together.
 
 PSNR and SSIM: the second photo is resampled into the first one and compared there, after a gain for each channel, over
 the pixels that all contestants of the set put into both photos, and nowhere else. A dash: no result. One row of means
-is over all sets, the other over those in which every contestant has a result."""
+is over all sets, the other over those in which every contestant has a result. The means are those of a few sets with
+much parallax; the last row gives all sets the same weight."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +82,7 @@ def main() -> int:
     """Judge the pairs that the command line names; the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folders", nargs="+", type=Path, help="each holds two photos")
-    parser.add_argument("--output", type=Path, help="a Markdown page to write")
+    parser.add_argument("--output", type=Path, help="a Markdown page to write, set by set")
     given = parser.parse_args()
     results: dict[str, tuple[int, dict[str, Scores]]] = {}
     for folder in given.folders:
@@ -83,11 +90,10 @@ def main() -> int:
         if len(photos) != 2:
             parser.error(f"{folder} holds {len(photos)} photos, not two")
         results[folder.name] = judge(photos)
+        if given.output:
+            given.output.write_text(page(results))  # what is done so far
         print(folder.name, *(f"{name} {scores}" for name, scores in results[folder.name][1].items()), flush=True)
-    text = page(results)
-    print(text)
-    if given.output:
-        given.output.write_text(text)
+    print(page(results))
     return 0
 
 
@@ -96,9 +102,7 @@ def judge(photos: list[Photo]) -> tuple[int, dict[str, Scores]]:
     xy_i, xy_j = matches(photos)
     aside = np.arange(len(xy_i)) % EACH == 0
     maps = contestants(photos, xy_i[~aside], xy_j[~aside])
-    if HOMOGRAPHY not in maps:
-        return 0, {}
-    sound = aside & agreeing(maps[HOMOGRAPHY](xy_i) - xy_j, xy_i, max(photos[1].size))
+    sound = aside & true_matches(photos, xy_i, xy_j)
     errors = {name: np.linalg.norm(send(xy_i[sound]) - xy_j[sound], axis=1) for name, send in maps.items()}
     alike = likeness(photos, maps)
     return int(sound.sum()), {
@@ -115,15 +119,30 @@ def matches(photos: list[Photo]) -> tuple[Floats, Floats]:
     return xy_i[order], xy_j[order]
 
 
-def agreeing(off: Floats, xy: Floats, length: int) -> Booleans:
-    """Which matches (n,) go the way of their neighbours: the nearest of those that do."""
-    kept = np.asarray(np.linalg.norm(np.nan_to_num(off, nan=1e6), axis=1) < 0.1 * length)
-    for _ in range(3):  # what is wrong spoils its neighbours' median, so what is left is looked at again
-        index = np.flatnonzero(kept)
-        _, near = cKDTree(xy[index]).query(xy[index], k=NEIGHBOURS + 1)
-        usual = np.median(off[index][near[:, 1:]], axis=1)
-        kept[index] = np.linalg.norm(off[index] - usual, axis=1) <= ODD * length
-    return kept
+def true_matches(photos: list[Photo], xy_i: Floats, xy_j: Floats) -> Booleans:
+    """Which matches (n,) two views of a scene can have, and nothing near can be mistaken for."""
+    first, second = (cv2.cvtColor(photo.source.read()[0], cv2.COLOR_RGB2GRAY).astype(np.float32) for photo in photos)
+    _, kept = cv2.findFundamentalMat(xy_i, xy_j, cv2.USAC_MAGSAC, EPIPOLAR, 0.999, 10_000)
+    found = kept.ravel() > 0
+    for one, other, here, there in ((first, second, xy_i, xy_j), (second, first, xy_j, xy_i)):
+        found[found] = [unmistakable(one, other, *pair) for pair in zip(here[found], there[found], strict=True)]
+    return np.asarray(found)
+
+
+def unmistakable(one: Grey, other: Grey, here: Floats, there: Floats) -> bool:
+    """Whether the patch of a picture (h, w) at px `here` is seen in another one at px `there`, and nowhere near."""
+    patch = cv2.getRectSubPix(one, (2 * HALF + 1, 2 * HALF + 1), tuple(map(float, here)))
+    reach = HALF + int(REACH * max(other.shape))
+    column, row = np.rint(there).astype(int)
+    left, top = max(0, column - reach), max(0, row - reach)
+    around = other[top : row + reach + 1, left : column + reach + 1]
+    if patch.std() < TEXTURE or min(around.shape) < 2 * HALF + 1:
+        return False
+    alike = cv2.matchTemplate(around, patch, cv2.TM_CCOEFF_NORMED)
+    y, x = np.indices(alike.shape)
+    away = np.hypot(x - (column - left - HALF), y - (row - top - HALF))
+    most = alike[away <= SAME].max(initial=-1.0)
+    return bool(most >= ALIKE and most >= alike[away > HALF].max(initial=-1.0) + CLEARLY)
 
 
 def contestants(photos: list[Photo], xy_i: Floats, xy_j: Floats) -> dict[str, Map]:
@@ -193,6 +212,8 @@ def page(results: dict[str, tuple[int, dict[str, Scores]]]) -> str:
         lines += ["", f"## {title}", "", f"| set | matches | {' | '.join(CONTESTANTS)} |", f"|---|---|{'---|' * 4}"]
         rows = [(name, str(count), scores) for name, (count, scores) in results.items()]
         rows += [(f"mean of {len(some)}", "", means(some)) for some in (every, full) if some]
+        if kinds[0][0] == "rms":
+            rows.append((f"times that of {HOMOGRAPHY}, geometric mean", "", ratios(every)))
         for name, count, scores in rows:
             cells = [cell(scores.get(who), kinds) for who in CONTESTANTS]
             lines.append(f"| {name} | {count} | {' | '.join(cells)} |")
@@ -206,6 +227,17 @@ def means(sets: list[dict[str, Scores]]) -> dict[str, Scores]:
         for who in CONTESTANTS
         if all(who in scores for scores in sets)
     }
+
+
+def ratios(sets: list[dict[str, Scores]]) -> dict[str, Scores]:
+    """What each contestant's scores are of the homography's, in the sets in which both have one: no set outweighs."""
+    found = {}
+    for who in CONTESTANTS:
+        both = [(vars(scores[who]), vars(scores[HOMOGRAPHY])) for scores in sets if {who, HOMOGRAPHY} <= scores.keys()]
+        if both:
+            shares = [np.log(np.divide(list(one.values()), list(other.values()))) for one, other in both]
+            found[who] = Scores(*np.exp(np.mean(shares, axis=0)))
+    return found
 
 
 def cell(scores: Scores | None, kinds: tuple[tuple[str, str], ...]) -> str:

@@ -2,9 +2,8 @@
 
     python benchmarks/quality.py [--textures FOLDER] [--plans row,ring] [--output docs/reference/quality.md]
 
-Every program makes an equirectangular picture. One rule finds the geometry of each: key points matched between the
-picture and the scene give the turn, the scale and the place of the picture on the sphere, by robust least squares. Then
-the scene is sampled at the picture's own pixels, and nothing of the picture is ever resampled.
+The computed hall is photographed, and the spheres of the folder that are fine enough; once in even light, once in light
+that changes from photo to photo. The programs are in `quality_programs`, the judge is in `quality_judge`.
 """
 
 import argparse
@@ -12,299 +11,255 @@ import platform
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from PIL import Image
 
-from panostitch import pipeline
 from panostitch.errors import PanostitchError
-from panostitch.geometry import rotation
-from panostitch.io.writers import assemble
+from panostitch.io.readers import EXTENSIONS, open_photos
 from panostitch.jobs import selftest
-from panostitch.jobs.contender import DONE, OURS, RIVAL, Task, run_apart
-from panostitch.jobs.hugin import HUGIN, LENS, PLAIN, HuginError, is_installed, run_hugin
+from panostitch.jobs.hugin import HuginError, exif_of
+from panostitch.jobs.selftest import Conditions
 from panostitch.model.camera import Camera
 from panostitch.model.photo import Photo
-from panostitch.options import Options
 from panostitch.runtime.executor import Executor
-from panostitch.synthetic.scene import Scene, sphere_scene
+from panostitch.synthetic.scene import Scene, gallery_texture, sphere_scene
+from panostitch.synthetic.score import score
+from quality_judge import Finished, Quality, compare, judge
+from quality_programs import PROGRAMS, installed
 
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
-Picture = NDArray[np.uint8]
-
-PROGRAMS = (OURS, RIVAL, HUGIN)
-PLANS = ("row", "low_overlap", "two_rows")
-SIZE = (800, 600)  # px of each photo
-STEP = 0.3  # EV, up for one photo and down for the next
-SCENE_WIDTH = 4096  # px of the scene that key points are sought in
-MATCH_RATIO = 0.7
-LEAST_MATCHES = 50
-SAMPLES = 2  # per pixel and axis, where the scene is sampled
-MARGIN = 8  # px of a photo, and of the picture, along the edge of what is judged
-SPHERE_ASPECT = 2.0
-HUGIN_TIMEOUT = 600  # s
+PLANS = ("row", "two_rows", "ring")
+SIZE = (640, 480)  # px of each photo
+LIGHTS = {
+    "even": Conditions(exposure_step=0.0, vignetting=0.0, noise=0.0, exif=True),
+    "uneven": Conditions(exposure_step=0.3, vignetting=0.2, noise=0.0, exif=True),
+}
+WRONG = 20.0  # px, rms error of the cameras beyond which a program has failed
+HALL = "hall"
+HALL_WIDTH = 4096  # px
+FINE_ENOUGH = 4000  # px, width of a sphere's picture that photos of this size do not enlarge
+SPHERE_ASPECT = (1.99, 2.01)  # some are a few pixels short of 2 : 1
+PHOTOS = "(the photos)"
+JPEG = {"quality": 95, "subsampling": "4:2:2"}  # as good cameras write them
 
 
 @dataclass(frozen=True)
-class Quality:
-    """A picture beside the scene: dB on 0..255, structural similarity, gradient energy over the scene's."""
+class Row:
+    """What each program made of the photos of a plan: its quality, or why there is none.
 
-    psnr: float
-    ssim: float
-    sharpness: float
-    pixels: int
+    photos: what the JPEG files have left of the photos, on average: nothing made of them can be much better
+    """
+
+    scene: str
+    plan: str
+    light: str
+    photos: Quality
+    results: dict[str, Quality | str]
+
+    @property
+    def made(self) -> dict[str, Quality]:
+        """Of the programs that made a picture."""
+        return {name: result for name, result in self.results.items() if isinstance(result, Quality)}
 
 
 def main() -> None:
-    """Print the table, and write it if asked."""
+    """Print every row, and write the page if asked."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--textures", type=Path, help="folder of pictures to photograph; those twice as wide as high")
+    parser.add_argument("--scenes", help="names of those to take, with commas between; by default all")
     parser.add_argument("--plans", default=",".join(PLANS), help="names of plans, with commas between")
+    parser.add_argument("--programs", default=",".join(installed()), help="names, with commas between")
     parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--keep", type=Path, help="folder for the pictures, turned as the programs leave them")
     parser.add_argument("--output", type=Path, help="Markdown file to write")
     given = parser.parse_args()
-    text = header()
-    print(text)
-    for name, scene in scenes(given.textures):
+    run = Executor(given.threads)
+    rows = []
+    for name, scene in scenes(given.textures, given.scenes and given.scenes.split(",")):
         for plan in given.plans.split(","):
-            for step in (0.0, STEP):
-                line = in_words(name, plan, step, judged(plan, scene, step, Executor(given.threads)))
-                print(line, flush=True)
-                text += "\n" + line
-    if given.output:
-        given.output.write_text(text + "\n")
+            for light in LIGHTS:
+                keep = given.keep and given.keep / f"{name}-{plan}-{light}"
+                rows.append(judged(name, scene, plan, light, given.programs.split(","), run, keep))
+                print("\n".join(lines(rows[-1])), flush=True)
+                if given.output:
+                    given.output.write_text(page(rows))  # what is done so far
 
 
-def scenes(folder: Path | None) -> list[tuple[str, Scene | None]]:
-    """Spheres of the pictures in a folder; without one, the computed scene (None)."""
-    found: list[tuple[str, Scene | None]] = []
+def scenes(folder: Path | None, names: Sequence[str] | None) -> Iterator[tuple[str, Scene]]:
+    """The computed hall, and spheres of the pictures in a folder that are fine enough; of these, the ones named."""
+    if not names or HALL in names:
+        yield HALL, sphere_scene(gallery_texture(HALL_WIDTH))
     for path in sorted(folder.iterdir()) if folder else []:
-        pixels = cv2.imread(str(path), cv2.IMREAD_COLOR_RGB)
-        if pixels is not None and pixels.shape[1] / pixels.shape[0] == SPHERE_ASPECT:
-            found.append((path.stem, sphere_scene(np.asarray(pixels, np.uint8))))
-    return found or [("computed", None)]
-
-
-def judged(plan: str, scene: Scene | None, step: float, run: Executor) -> dict[str, Quality | str]:
-    """What each program made of a plan's photos, or why it failed."""
-    conditions = selftest.Conditions(exposure_step=step, vignetting=0.0, noise=0.0, exif=True)
-    cameras, photos = selftest.photograph(plan, conditions, scene=scene, size=SIZE, run=run)
-    scene = scene or selftest.computed_scene(plan, cameras)
-    results: dict[str, Quality | str] = {}
-    for program in PROGRAMS:
-        if program == HUGIN and not is_installed():
-            results[program] = "not installed"
+        known = path.suffix.lower() in EXTENSIONS and (not names or path.stem in names)
+        pixels = cv2.imread(str(path), cv2.IMREAD_COLOR_RGB) if known else None
+        if pixels is None or pixels.shape[1] < FINE_ENOUGH:
             continue
-        try:
-            made = [beside(scene, cameras, *picture) for picture in STITCH[program](photos, run)]
-            results[program] = max(made, key=lambda quality: quality.psnr)
-        except (PanostitchError, HuginError, ValueError) as error:
-            results[program] = f"failed: {error}"
-    return results
+        if SPHERE_ASPECT[0] <= pixels.shape[1] / pixels.shape[0] <= SPHERE_ASPECT[1]:
+            even = 2 * (pixels.shape[1] // 2)
+            whole = cv2.resize(pixels, (even, even // 2), interpolation=cv2.INTER_CUBIC)
+            yield path.stem, sphere_scene(np.asarray(whole, np.uint8))
 
 
-# ---- the programs: from photos to pictures (h, w, 3) and where they show something; of several the best one counts
-
-Stitched = list[tuple[Picture, Booleans]]
-
-
-def ours(photos: Sequence[Photo], run: Executor) -> Stitched:
-    """As it comes, but equirectangular and not cropped."""
-    options = Options.of(projection="equirectangular", crop="none")
-    pixels, mask = assemble(pipeline.render(pipeline.align(photos, options, run=run), options, run=run), run=run)
-    return [(pixels, np.asarray(mask, bool))]
-
-
-def rival(photos: Sequence[Photo], run: Executor) -> Stitched:
-    """cv2.Stitcher as it comes: its pictures are spherical, and black where they show nothing."""
-    with tempfile.TemporaryDirectory(prefix="panostitch-quality-") as home:
-        outcome = run_apart(Task(RIVAL, tuple(photos), Options(), run.threads), home)
-        if outcome.status != DONE:
-            raise ValueError(outcome.status)
-        pixels = np.load(outcome.picture)
-    return [(pixels, np.asarray(pixels.any(2)))]
-
-
-def hugin(photos: Sequence[Photo], run: Executor) -> Stitched:
-    """nona and enblend, as autooptimiser leaves the photos and with the lens optimised after that."""
-    made = []
+def judged(
+    name: str, scene: Scene, plan: str, light: str, programs: Sequence[str], run: Executor, keep: Path | None
+) -> Row:
+    """What each program made of a plan's photos."""
+    cameras, exposed = selftest.photograph(plan, LIGHTS[light], scene=scene, size=SIZE, run=run)
+    pictures: dict[str, Finished] = {}
+    failures: dict[str, str] = {}
     with tempfile.TemporaryDirectory(prefix="panostitch-quality-") as folder:
-        home = Path(folder)
-        run_hugin(photos, home, threads=run.threads)
-        for project in (PLAIN, LENS):
-            for command in (
-                ["pano_modify", "--projection=2", "--fov=AUTO", "--canvas=AUTO", "-o", "canvas.pto", project],
-                ["nona", "-m", "TIFF_m", "-o", f"{project}-", "canvas.pto"],
-            ):
-                tool(command, home)
-            layers = sorted(path.name for path in home.glob(f"{project}-*.tif"))
-            tool(["enblend", "-o", f"{project}.tif", *layers], home)
-            picture = cv2.imread(str(home / f"{project}.tif"), cv2.IMREAD_UNCHANGED)
-            made.append((np.asarray(picture[..., 2::-1], np.uint8), np.asarray(picture[..., 3] > 254)))
-    return made
+        photos = on_disk(exposed, Path(folder))
+        left = what_is_left(exposed, photos)
+        for program in programs:
+            try:
+                pictures[program] = right(PROGRAMS[program](photos, cameras, run), cameras)
+            except (PanostitchError, HuginError, ValueError, subprocess.TimeoutExpired) as error:
+                failures[program] = f"failed: {error}"
+    qualities = judge(scene, cameras, pictures)
+    if keep:
+        keep.mkdir(parents=True, exist_ok=True)
+        for program, picture in pictures.items():
+            cv2.imwrite(str(keep / f"{program}.png"), picture.pixels[..., ::-1])
+    results = {program: qualities.get(program) or failures[program] for program in programs}
+    return Row(name, plan, light, left, results)
 
 
-def tool(command: Sequence[str], home: Path) -> None:
-    """Run one of Hugin's tools. Raises HuginError where it fails."""
-    done = subprocess.run(
-        command, cwd=home, stdin=subprocess.DEVNULL, capture_output=True, timeout=HUGIN_TIMEOUT, check=False
-    )
-    if done.returncode:
-        raise HuginError(f"{command[0]} failed with code {done.returncode}")
+def right(picture: Finished, cameras: Sequence[Camera]) -> Finished:
+    """The picture. Raises ValueError where its photos are in wrong places, so that there is nothing to compare."""
+    error = score(cameras, picture.cameras).rms
+    if error > WRONG:
+        raise ValueError("photos in wrong places" + (f", {error:.0f} px off" if np.isfinite(error) else ""))
+    return picture
 
 
-STITCH: dict[str, Callable[[Sequence[Photo], Executor], Stitched]] = {OURS: ours, RIVAL: rival, HUGIN: hugin}
+def what_is_left(exposed: Sequence[Photo], photos: Sequence[Photo]) -> Quality:
+    """The mean quality of JPEG files beside the photos that they were made of."""
+    everywhere = np.ones(SIZE[::-1], bool)
+    pairs = zip(photos, exposed, strict=True)
+    each = [compare(found.source.read()[0], photo.source.read()[0], everywhere) for found, photo in pairs]
+    psnr, ssim, sharpness = np.mean(each, axis=0)
+    return Quality(float(psnr), float(ssim), float(sharpness), 0.0, len(photos), 1.0)
 
 
-# ---- the judge
-
-
-def beside(scene: Scene, cameras: Sequence[Camera], pixels: Picture, mask: Booleans) -> Quality:
-    """A finished picture beside the scene. Raises ValueError where too little of it is recognised."""
-    parameters = geometry(scene, pixels)
-    shown = cv2.erode(np.pad(mask, 1).astype(np.uint8), np.ones((2 * MARGIN + 1,) * 2, np.uint8))[1:-1, 1:-1] > 0
-    shown &= photographed(cameras, rays(parameters, grid(mask.shape))).reshape(mask.shape)
-    truth = sampled(scene, parameters, mask.shape)
-    found = pixels.astype(np.float64)
-    # how bright and of what tint the whole is, is a matter of taste
-    found *= [np.median(truth[shown][:, c] / np.maximum(found[shown][:, c], 1)) for c in range(3)]
-    error = ((found - truth)[shown] ** 2).mean()
-    grey, true_grey = (
-        cv2.cvtColor(a.astype(np.float32), cv2.COLOR_RGB2GRAY).astype(np.float64) for a in (found, truth)
-    )
-    return Quality(
-        float(20 * np.log10(255 / np.sqrt(error))),
-        float(similarity(grey, true_grey)[shown].mean()),
-        float(energy(grey)[shown].sum() / energy(true_grey)[shown].sum()),
-        int(shown.sum()),
-    )
-
-
-def geometry(scene: Scene, pixels: Picture) -> Floats:
-    """Turn (rotation vector), scale (px per radian), place (x, y px) of an equirectangular picture of the scene."""
-    height = SCENE_WIDTH // 2
-    whole = cv2.resize(np.asarray(scene.texture, np.uint8), (SCENE_WIDTH, height), interpolation=cv2.INTER_AREA)
-    scale = SCENE_WIDTH / (2 * np.pi)
-    known = np.array([0, 0, 0, scale, (SCENE_WIDTH - 1) / 2, (height - 1) / 2])
-    in_scene, theirs = matches(whole, pixels)
-    true = rays(known, in_scene)
-
-    def misfit(parameters: Floats) -> Floats:
-        return np.asarray((rays(parameters, theirs) - true).ravel() * scale)
-
-    middle = np.array(pixels.shape[1::-1]) / 2
-    # a picture that shows as much as its photos is about as fine as they are
-    starts = [np.array([0, 0, 0, s, *middle]) for s in (scale, 0.5 * scale, 2 * scale)]
-    fits = []
-    for start in starts:
-        # with the turn that fits best at this scale
-        start[:3] = rotation.log(rotation.nearest(true.T @ rays(start, theirs)))
-        fits.append(least_squares(misfit, start, loss="soft_l1", x_scale=[1, 1, 1, scale, 100, 100]))
-    return np.asarray(min(fits, key=lambda fit: fit.cost).x)
-
-
-def matches(one: Picture, other: Picture) -> tuple[Floats, Floats]:
-    """Points (n, 2) px of two pictures that show the same. Raises ValueError for too few."""
-    sift = cv2.SIFT.create(8000)
-    (a, one_says), (b, other_says) = (
-        sift.detectAndCompute(cv2.cvtColor(p, cv2.COLOR_RGB2GRAY), None) for p in (one, other)
-    )
-    pairs = cv2.FlannBasedMatcher().knnMatch(other_says, one_says, k=2)
-    good = [first for first, second in pairs if first.distance < MATCH_RATIO * second.distance]
-    if len(good) < LEAST_MATCHES:
-        raise ValueError(f"{len(good)} points of the picture are found in the scene")
-    return np.array([a[m.trainIdx].pt for m in good]), np.array([b[m.queryIdx].pt for m in good])
-
-
-def rays(parameters: Floats, xy: Floats) -> Floats:
-    """Rays (n, 3) of the world at px (n, 2) of an equirectangular picture."""
-    longitude, latitude = ((xy - parameters[4:6]) / parameters[3]).T
-    ahead = np.cos(latitude)
-    seen = np.column_stack([ahead * np.sin(longitude), np.sin(latitude), ahead * np.cos(longitude)])
-    return np.asarray(seen @ rotation.exp(parameters[:3]).T)
-
-
-def grid(shape: tuple[int, ...]) -> Floats:
-    """All pixels (n, 2) of a picture (h, w)."""
-    x, y = np.meshgrid(np.arange(shape[1]), np.arange(shape[0]))
-    return np.column_stack([x.ravel(), y.ravel()]).astype(np.float64)
-
-
-def sampled(scene: Scene, parameters: Floats, shape: tuple[int, ...]) -> Floats:
-    """The scene (h, w, 3) as the picture ought to show it: the mean over each pixel, cubic in between."""
-    texture = np.pad(scene.texture.astype(np.float32), ((0, 0), (8, 8), (0, 0)), mode="wrap")
-    total = np.zeros((*shape, 3))
-    offsets = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
-    for across in offsets:
-        for down in offsets:
-            at = scene.coordinates(rays(parameters, grid(shape) + np.array([across, down]))).astype(np.float32)
-            x, y = (at[:, k].reshape(shape) for k in (0, 1))
-            total += cv2.remap(texture, x + 8, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-    return total / SAMPLES**2
-
-
-def photographed(cameras: Sequence[Camera], directions: Floats) -> Booleans:
-    """Which rays (n,) lie well inside a photo."""
-    seen = np.zeros(len(directions), bool)
-    for camera in cameras:
-        xy = camera.project(directions)
-        with np.errstate(invalid="ignore"):
-            seen |= ((xy >= MARGIN) & (xy <= np.array(camera.size) - 1 - MARGIN)).all(1)
-    return seen
-
-
-def similarity(a: Floats, b: Floats) -> Floats:
-    """Structural similarity (h, w) (Wang et al. 2004)."""
-
-    def mean(c: Floats) -> Floats:
-        return np.asarray(cv2.GaussianBlur(c, (11, 11), 1.5))
-
-    one, other = (0.01 * 255) ** 2, (0.03 * 255) ** 2
-    variance = mean(a * a) - mean(a) ** 2 + mean(b * b) - mean(b) ** 2
-    alike = (2 * mean(a) * mean(b) + one) * (2 * (mean(a * b) - mean(a) * mean(b)) + other)
-    return np.asarray(alike / ((mean(a) ** 2 + mean(b) ** 2 + one) * (variance + other)))
-
-
-def energy(grey: Floats) -> Floats:
-    """Squares (h, w) of the gradient."""
-    return np.asarray(cv2.Sobel(grey, cv2.CV_64F, 1, 0) ** 2 + cv2.Sobel(grey, cv2.CV_64F, 0, 1) ** 2)
+def on_disk(photos: Sequence[Photo], folder: Path) -> list[Photo]:
+    """The photos as JPEG files, with what the metadata of a camera tell."""
+    paths = [folder / f"{photo.name}.jpg" for photo in photos]
+    for photo, path in zip(photos, paths, strict=True):
+        Image.fromarray(photo.source.read()[0]).save(path, exif=exif_of(photo), **JPEG)
+    found, failures = open_photos(paths)
+    if failures:
+        raise failures[0]
+    return found
 
 
 # ---- words
 
 
-def header() -> str:
-    """What the table is, and its head."""
+def page(rows: Sequence[Row]) -> str:
+    """The page with the means and with every row."""
+    uneven = LIGHTS["uneven"]
     return f"""# Quality
 
-Finished panoramas beside the scene that was photographed: signal to noise in dB (peak 255), structural similarity, and
-the sharpness that is left (energy of the gradient over the scene's). The photos are {SIZE[0]} x {SIZE[1]} px, without
-noise, with their focal length in the metadata; "steps" is what the light goes up and down by from photo to photo. Each
-picture is equirectangular and compared at its own pixels with the scene, sampled where key points matched to the scene
-say that it lies; that is fitted by the same rule for every program (a turn, a scale, a place). One factor for each
-channel makes the whole as bright as the scene. Of Hugin's two results, as it comes and with its lens optimised, the
-better one counts; nona and enblend make its pictures.
+Finished panoramas beside the scene that was photographed: `{HALL}`, which is computed, so that anyone can do it again,
+and spherical pictures of true places (`--textures`). The photos are {SIZE[0]} x {SIZE[1]} px, JPEG of quality
+{JPEG["quality"]} ({JPEG["subsampling"]}) with their focal length in the metadata. In `uneven` light it goes up and down
+by {2 * uneven.exposure_step:g} EV from photo to photo, and {uneven.vignetting:.0%} of it are lost in the corners; in
+`even` light nothing of the kind.
+
+All programs make equirectangular pictures, as large as their photos are in the middle. panostitch: `--projection
+equirectangular --crop none`. cv2.Stitcher: as it comes. Hugin: cameras as on [the page of the true
+errors](ground-truth.md), the better ones of those with and those without an optimised lens; `pano_modify --canvas=AUTO
+--fov=AUTO` (its assistant would make the picture 0.7 times as large); `hugin_executor --stitching`, which calls nona
+and enblend.
+
+Where a picture lies on the sphere is what its program says of its canvas and its cameras. A turn and a scale of the
+whole, with which its grey values differ least from the scene's, are then fitted, by one rule for all; what lies in a
+wrong place within the picture stays there. The scene is rendered at the picture's own pixels, so that no picture is
+resampled. Each channel gets the factor and the offset that suit it best, as the brightness of the whole is a matter of
+taste. Compared is what all pictures show that have all photos in them (or the most of them), without a margin at the
+edge; where a program has left photos out, its own picture is judged by as much of that as it shows. Photos more than
+{WRONG:g} px from their places count as a failure. The tests of the benchmark show that the place of a perfect picture
+is found again to two hundredths of a pixel, at 50 dB or more, and that a part in a wrong place is not excused.
+
+Columns: PSNR in dB (peak 255); SSIM of grey values; sharpness, the energy of the gradient over the scene's; the true
+error of the cameras, rms, px; how many photos are in the panorama; its scale, px for a px in the middle of a photo.
+`{PHOTOS}` are the JPEG files beside the photos that they were made of: what compression alone costs, and adds to the
+gradient. Bold: best of its panorama, and what is no further from it than {LEVEL["psnr"]:g} dB, {LEVEL["ssim"]:g} or
+{LEVEL["sharpness"]:g}; best in sharpness is what is nearest to that of the photos.
+
+In uneven light what is burnt in the brighter photos is lost to all. panostitch darkens such photos but leaves what is
+nearly white in them as it is, so that white stays white. In a bright sky that does more harm than good: blue turns to
+lavender, and the blocks of the JPEG files show.
 
 Made by `python benchmarks/quality.py` with OpenCV {cv2.__version__}, NumPy {np.__version__}, Python
 {platform.python_version()}.
 
-| scene | plan | steps | {" | ".join(f"{name}: dB, similarity, sharpness" for name in PROGRAMS)} |
-|---|---|---|{"---|" * len(PROGRAMS)}"""
+## Means
+
+Over the panoramas of which every program has a picture, and in how many of these it is best, or as good.
+
+| light | program | panoramas | PSNR | best in | SSIM | best in | sharpness | best in |
+|---|---|---|---|---|---|---|---|---|
+{chr(10).join(means(rows))}
+
+## All of them
+
+| scene | plan | light | program | PSNR | SSIM | sharpness | cameras px | photos | scale |
+|---|---|---|---|---|---|---|---|---|---|
+{chr(10).join(line for row in rows for line in lines(row))}
+"""
 
 
-def in_words(scene: str, plan: str, step: float, results: dict[str, Quality | str]) -> str:
-    """A line of the table."""
-    cells = [scene, plan, f"{2 * step:g} EV"]
-    for result in results.values():
-        told = isinstance(result, str)
-        cells.append(result if told else f"{result.psnr:.1f}, {result.ssim:.3f}, {result.sharpness:.2f}")
-    return f"| {' | '.join(cells)} |"
+MEASURES = {"psnr": "{:.2f}", "ssim": "{:.4f}", "sharpness": "{:.3f}"}
+# what differs by no more is as good: the noise of the files moves it
+LEVEL = {"psnr": 0.05, "ssim": 0.0005, "sharpness": 0.005}
+
+
+def best(row: Row, measure: str) -> list[str]:
+    """The program that is best in a row, and others that are as good."""
+
+    def merit(name: str) -> float:
+        value, photos = (float(getattr(quality, measure)) for quality in (row.made[name], row.photos))
+        return -abs(value - photos) if measure == "sharpness" else value
+
+    most = max(map(merit, row.made), default=0.0)
+    return [name for name in row.made if merit(name) >= most - LEVEL[measure]]
+
+
+def means(rows: Sequence[Row]) -> list[str]:
+    """Lines of the means of each light."""
+    found = []
+    for light in LIGHTS:
+        full = [row for row in rows if row.light == light and len(row.made) == len(row.results)]
+        some = {program: [row.made[program] for row in full] for program in (full[0].results if full else ())}
+        for program, qualities in {PHOTOS: [row.photos for row in full], **some}.items():
+            cells = [light, program, str(len(full))]
+            for measure, form in MEASURES.items():
+                mean = np.mean([getattr(quality, measure) for quality in qualities]) if full else np.nan
+                wins = str(sum(program in best(row, measure) for row in full))
+                cells += [form.format(mean), "-" if program == PHOTOS else wins]
+            found.append(f"| {' | '.join(cells)} |")
+    return found
+
+
+def lines(row: Row) -> list[str]:
+    """A line for the photos and for each program; the best figure of each kind is bold."""
+    found = []
+    for program, result in {PHOTOS: row.photos, **row.results}.items():
+        cells = [row.scene, row.plan, row.light, program]
+        if isinstance(result, str):
+            cells += [result, *["-"] * 5]
+        else:
+            for measure, form in MEASURES.items():
+                value = form.format(getattr(result, measure))
+                cells.append(f"**{value}**" if program in best(row, measure) else value)
+            cells += [f"{result.cameras:.2f}", str(result.photos), f"{result.scale:.3f}"]
+        found.append(f"| {' | '.join(cells)} |")
+    return found
 
 
 if __name__ == "__main__":

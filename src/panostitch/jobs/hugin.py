@@ -112,7 +112,7 @@ def run_hugin(photos: Sequence[Photo], folder: str | Path, *, threads: int = 1) 
     home = Path(folder)
     names = [f"{number:03d}.png" for number in range(len(photos))]
     for photo, name in zip(photos, names, strict=True):
-        _save(photo, home / name)
+        Image.fromarray(photo.source.read()[0]).save(home / name, exif=exif_of(photo), compress_level=1)
     start = time.perf_counter()
     for command in _commands(names, known=all(photo.focal for photo in photos), threads=threads):
         _run(command, home)
@@ -149,8 +149,8 @@ def _run(command: Sequence[str], home: Path) -> None:
         raise HuginError(f"{command[0]} failed with code {done.returncode}: {said[-LAST_WORDS:]}")
 
 
-def _save(photo: Photo, path: Path) -> None:
-    """A photo without loss, with its focal length in the metadata where it is known."""
+def exif_of(photo: Photo) -> Image.Exif:
+    """Metadata that tell the focal length of a photo, where it is known."""
     exif = Image.Exif()
     if photo.focal:
         length = photo.focal / np.hypot(*photo.size) * FULL_FRAME_DIAGONAL
@@ -158,7 +158,7 @@ def _save(photo: Photo, path: Path) -> None:
         tags = exif.get_ifd(ExifTags.IFD.Exif)
         tags[ExifTags.Base.FocalLength] = IFDRational(round(length * 10), 10)
         tags[ExifTags.Base.FocalLengthIn35mmFilm] = round(length)
-    Image.fromarray(photo.source.read()[0]).save(path, exif=exif, compress_level=1)
+    return exif
 
 
 def read_pto(text: str) -> tuple[HuginCamera | None, ...]:
