@@ -191,9 +191,8 @@ error of the cameras, rms, px; how many photos are in the panorama; its scale, p
 gradient. Bold: best of its panorama, and what is no further from it than {LEVEL["psnr"]:g} dB, {LEVEL["ssim"]:g} or
 {LEVEL["sharpness"]:g}; best in sharpness is what is nearest to that of the photos.
 
-In uneven light what is burnt in the brighter photos is lost to all. panostitch darkens such photos but leaves what is
-nearly white in them as it is, so that white stays white. In a bright sky that does more harm than good: blue turns to
-lavender, and the blocks of the JPEG files show.
+In uneven light what is burnt in the brighter photos is lost to all. panostitch darkens what is nearly white in such
+photos by less than the rest, so that white becomes no grey and a burnt blue no green.
 
 Made by `python benchmarks/quality.py` with OpenCV {cv2.__version__}, NumPy {np.__version__}, Python
 {platform.python_version()}.

@@ -7,7 +7,7 @@ import pytest
 
 from compositing.mosaics import alignment_of, panorama_of
 from panostitch.compositing import photometry, plan
-from panostitch.compositing.light import expose
+from panostitch.compositing.light import COLOUR_KEEPS, WHITE_KEEPS, expose
 from panostitch.model.canvas import Region
 from panostitch.model.light import Light, unchanged
 from panostitch.options import CompositingOptions
@@ -29,6 +29,7 @@ STILL = 0.003
 # Grey levels; rms difference of brightness that is left between photos after means over cells of some 20 px.
 BELOW_NOISE = NOISE
 
+SPREAD = 2.0  # times by which darkening may spread levels: noise and the blocks of a JPEG with them; 1.7 seen
 TILED = 1e-3  # grey levels: rounding of float32 sums of up to 255
 
 
@@ -163,22 +164,34 @@ def test_gains_beyond_reason_are_tempered(scene, cameras):
     assert np.ptp(np.log(light.brightness)) < photometry.MOST + 1e-9
 
 
-def test_white_stays_white_and_what_gets_too_bright_keeps_its_hue():
-    pixels = np.array([[[255, 255, 255], [200, 100, 50], [250, 125, 25]]], np.float32)
+def test_what_is_not_bright_follows_the_factor_and_what_gets_too_bright_keeps_its_hue():
+    pixels = np.array([[[200, 100, 50], [250, 125, 25]]], np.float32)
 
     darker = expose(pixels, np.array([0.8, 0.7, 0.9], np.float32))
     brighter = expose(pixels, np.full(3, 1.2, np.float32))
 
-    np.testing.assert_allclose(darker[0, :2], [[255, 255, 255], [160, 70, 45]], rtol=1e-6)
-    np.testing.assert_allclose(brighter[0], [[255, 255, 255], [240, 120, 60], [255, 127.5, 25.5]], rtol=1e-6)
+    np.testing.assert_allclose(darker[0, 0], [160, 70, 45], rtol=1e-6)
+    np.testing.assert_allclose(brighter[0], [[240, 120, 60], [255, 127.5, 25.5]], rtol=1e-6)
 
 
-def test_a_sky_that_is_burnt_in_blue_alone_stays_blue():
-    sky, cloud = [111, 197, 255], [190, 255, 255]
+def test_a_sky_that_is_burnt_in_blue_alone_stays_blue_and_white_becomes_no_grey():
+    sky, white = [111, 197, 255], [255, 255, 255]
 
-    darker = expose(np.array([[sky, cloud]], np.float32), np.full(3, 0.8, np.float32))
+    darker = expose(np.array([[sky, white]], np.float32), np.full(3, 0.5, np.float32))
 
-    np.testing.assert_allclose(darker[0], [[88.8, 157.6, 255], cloud], rtol=1e-5)
+    kept = 0.5 ** (1 - np.array([COLOUR_KEEPS, WHITE_KEEPS]))
+    np.testing.assert_allclose(darker[0], [[0.5 * 111, 0.5 * 197, kept[0] * 255], kept[1] * np.array(white)], rtol=1e-5)
+
+
+@pytest.mark.parametrize("colour", [(1, 1, 1), (1, 0.8, 0.6)])
+@pytest.mark.parametrize("factor", [0.7, 0.8, 0.9])
+def test_darkening_keeps_the_order_of_levels_and_spreads_them_little(factor, colour):
+    levels = np.arange(256, dtype=np.float32)[None, :, None] * np.array(colour, np.float32)
+
+    steps = np.diff(expose(levels, np.full(3, factor, np.float32))[0, :, 0])
+
+    assert steps.min() > 0
+    assert steps.max() < SPREAD
 
 
 def test_light_keeps_the_whole_as_bright_as_it_was(scene, cameras):

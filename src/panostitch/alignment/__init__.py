@@ -48,7 +48,7 @@ LOSS_SCALE = 2.0  # working px: about the noise of a key point, so that true mat
 MAX_RMS = 12.0  # working px: an alignment that is this far off has not been found
 POINTS_PER_PHOTO = 300  # control points to be measured again, over all links of a photo
 MOST_POINTS, FEWEST_POINTS = 100, 40  # of one link
-SHOWS = 0.75  # px: where 90 % of the control points are nearer, the photos need no bending
+SHOWS = 0.5  # px: where 90 % of the control points are nearer, the photos need no bending
 HELD_BACK = 8  # of so many control points one is kept to judge by,
 JUDGED_FROM = 24  # in links that have at least this many
 

@@ -10,7 +10,10 @@ from panostitch.model.light import Light, radius_square
 Floats = NDArray[np.float32]
 
 WHITE = np.float32(255)
-BURNT = np.float32(240)  # grey levels from which on a channel is on its way to white
+BRIGHT = np.float32(200)  # grey levels from which on a camera may have cut off some of the light
+# Of the stops by which what is burnt would be darkened, white and a colour keep
+WHITE_KEEPS, COLOUR_KEEPS = np.float32(0.3), np.float32(0.7)
+COLOURED = np.float32(0.4)  # of the brightest channel, between it and the darkest: no white from here on
 FARTHEST = 2.0  # square of a radius: coordinates go on beyond the photo, where the fall-off means nothing
 
 
@@ -35,13 +38,13 @@ def with_fall_off(light: Light, photo: int, square: NDArray[np.float64]) -> Floa
 def expose(pixels: Floats, factor: Floats) -> Floats:
     """Pixels (h, w, 3) in 0..255 times a factor (3,) or (h, w, 3).
 
-    What would be brighter than white keeps its hue. What is burnt may have been any brighter, and stays.
+    What would be brighter than white keeps its hue. What is burnt may have been brighter, and is darkened by less.
     """
     if factor.ndim == 1 and (factor == 1).all():
         return pixels
     exposed = _times(pixels, factor)
-    if (factor.ndim > 1 or factor.min() < 1) and pixels.max(initial=0) > BURNT:
-        _keep_burnt(pixels, exposed)
+    if factor.min() < 1 and pixels.max(initial=0) > BRIGHT:
+        exposed += _held_up(pixels, factor)
     if exposed.max(initial=0) > WHITE:
         _keep_hue(exposed)
     return exposed
@@ -55,17 +58,21 @@ def _times(pixels: Floats, factor: Floats) -> Floats:
     return np.asarray(cv2.transform(pixels, np.diag(factor)), np.float32)
 
 
-def _keep_burnt(pixels: Floats, exposed: Floats) -> None:
-    """A burnt channel may have been any brighter and stays as it is; with two of them the third does too.
+def _held_up(pixels: Floats, factor: Floats) -> Floats:
+    """What bright pixels (h, w, 3) are given back of a factor that darkens them: much to a colour, some to white.
 
-    Were it to follow the others, a blue sky that is burnt in blue alone would turn green, and white would turn grey.
+    A burnt channel may have been any brighter; with two of them that is true of the third too. A blue sky that is burnt
+    in blue alone would turn green if blue followed the factor. White that is not darkened at all, though, would spread
+    the levels below it so far that noise and the blocks of a JPEG show.
     """
-    share = (np.maximum(pixels - BURNT, 0) / (WHITE - BURNT)) ** 2
-    one, two, three = cv2.split(share)
+    one, two, three = cv2.split(pixels)
+    highest, lowest = cv2.max(cv2.max(one, two), three), cv2.min(cv2.min(one, two), three)
     second = cv2.max(cv2.min(one, two), cv2.min(cv2.max(one, two), three))
-    np.maximum(share, cv2.merge([second] * 3), out=share)
-    share *= np.maximum(pixels - exposed, 0)
-    exposed += share
+    burnt = np.maximum(np.maximum(pixels, cv2.merge([second] * 3)) - BRIGHT, 0) / (WHITE - BRIGHT)
+    colour = np.minimum((highest - lowest) / (COLOURED * np.maximum(highest, 1)), 1)
+    to_white, to_colour = (np.maximum(factor ** (1 - share) - factor, 0) for share in (WHITE_KEEPS, COLOUR_KEEPS))
+    given_back = _times(pixels, to_white) + cv2.merge([colour] * 3) * _times(pixels, to_colour - to_white)
+    return np.asarray(burnt * given_back, np.float32)
 
 
 def _keep_hue(exposed: Floats) -> None:
