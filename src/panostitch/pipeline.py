@@ -8,15 +8,17 @@ from dataclasses import replace
 from panostitch.alignment import align_group
 from panostitch.compositing import decoding_bytes, frame, make_cube, make_panorama, make_plan
 from panostitch.compositing.view import look
+from panostitch.diagnosis import diagnose, explain_left_out
 from panostitch.errors import NoOverlapError
 from panostitch.io.colour import in_one_profile
-from panostitch.matching import explain_left_out, pairs_tried
+from panostitch.matching import pairs_tried
 from panostitch.model.alignment import Alignment, LeftOut
 from panostitch.model.match import VerifiedMatch
 from panostitch.model.panorama import Panorama
 from panostitch.model.photo import Photo
 from panostitch.options import Options
-from panostitch.recognition import Recognition, recognise
+from panostitch.recognition import Recognition
+from panostitch.recognition import recognise as see_what_belongs_together
 from panostitch.runtime.executor import Executor, serial
 from panostitch.runtime.memory import give_back, within
 from panostitch.runtime.trace import Trace, silent
@@ -24,15 +26,37 @@ from panostitch.runtime.trace import Trace, silent
 __all__ = ["Recognition", "align", "align_panorama", "left_out", "no_overlap", "recognise", "render"]
 
 
-def align(photos: Sequence[Photo], options: Options, *, run: Executor = serial, trace: Trace = silent) -> Alignment:
+def align(
+    photos: Sequence[Photo],
+    options: Options,
+    *,
+    unreadable: Sequence[LeftOut] = (),
+    run: Executor = serial,
+    trace: Trace = silent,
+) -> Alignment:
     """Cameras of the largest panorama among the photos, and why the other photos are not in it.
 
+    `unreadable` are photos that were given as well, for the record.
     Raises NoOverlapError where no two photos overlap, AlignmentError where no cameras explain the matches.
     """
-    recognition = recognise(photos, options, run=run, trace=trace)
+    recognition = recognise(photos, options, unreadable=unreadable, run=run, trace=trace)
     if not recognition.groups.panoramas:
         raise no_overlap(recognition)
     return align_panorama(recognition, 0, options, run=run, trace=trace)
+
+
+def recognise(
+    photos: Sequence[Photo],
+    options: Options,
+    *,
+    unreadable: Sequence[LeftOut] = (),
+    run: Executor = serial,
+    trace: Trace = silent,
+) -> Recognition:
+    """Which photos belong together, and why the others do not. Raises InputError where fewer than two can be read."""
+    found = see_what_belongs_together(photos, options, run=run, trace=trace)
+    found = replace(found, unreadable=(*unreadable, *found.unreadable))
+    return replace(found, findings=diagnose(found, options, run=run, trace=trace))
 
 
 def align_panorama(
@@ -46,7 +70,8 @@ def align_panorama(
         for link in recognition.links
         if isinstance(link, VerifiedMatch) and link.i in place
     ]
-    return align_group(
+    names = {recognition.photos[n].name for n in members}
+    aligned = align_group(
         [recognition.photos[n] for n in members],
         links,
         options.alignment,
@@ -56,6 +81,8 @@ def align_panorama(
         run=run,
         trace=trace,
     )
+    # weak links of other panoramas are no concern of this one
+    return replace(aligned, findings=tuple(f for f in recognition.findings if not f.weak or f.photo in names))
 
 
 def render(alignment: Alignment, options: Options, *, run: Executor = serial, trace: Trace = silent) -> Panorama:
@@ -77,7 +104,8 @@ def render(alignment: Alignment, options: Options, *, run: Executor = serial, tr
 
 def left_out(recognition: Recognition, kept: Sequence[int]) -> list[LeftOut]:
     """Why each photo that is not among the kept ones (indices) is not in a panorama."""
-    lonely = explain_left_out(recognition.photos, recognition.links, recognition.groups, kept, recognition.attempts)
+    r = recognition
+    lonely = explain_left_out(r.photos, r.links, r.groups, kept, r.attempts, r.findings)
     return [*recognition.unreadable, *lonely]
 
 

@@ -4,7 +4,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from panostitch import pipeline
@@ -107,8 +107,10 @@ def _panoramas(task: Task, setting: Setting) -> Iterator[Outcome]:
             photos, failures = open_photos(task.photos)
             if failures and len(photos) < 2:
                 raise failures[0]
-            recognition = pipeline.recognise(photos, setting.options, run=setting.run, trace=trace)
-            recognition = replace(recognition, unreadable=(*map(_unreadable, failures), *recognition.unreadable))
+            unreadable = [LeftOut.unreadable(error) for error in failures]
+            recognition = pipeline.recognise(
+                photos, setting.options, unreadable=unreadable, run=setting.run, trace=trace
+            )
             if not recognition.groups.panoramas:
                 raise pipeline.no_overlap(recognition)
             yield _panorama(task, recognition, 0, setting, start, trace)
@@ -150,8 +152,3 @@ def _panorama(
 
 def _failed(name: str, task: Task, error: PanostitchError, start: float) -> Outcome:
     return Outcome(name, len(task.photos), time.perf_counter() - start, error.exit_code, error.message)
-
-
-def _unreadable(error: InputError) -> LeftOut:
-    name, _, reason = error.message.partition(": ")
-    return LeftOut(os.path.basename(name), reason, hint=error.hint)
