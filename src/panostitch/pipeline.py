@@ -9,10 +9,10 @@ from panostitch.alignment import align_group
 from panostitch.compositing import decoding_bytes, frame, make_cube, make_panorama, make_plan
 from panostitch.compositing.view import look
 from panostitch.diagnosis import diagnose, explain_left_out
-from panostitch.errors import NoOverlapError
+from panostitch.errors import InputError, NoOverlapError
 from panostitch.io.colour import in_one_profile
 from panostitch.matching import pairs_tried
-from panostitch.model.alignment import Alignment, LeftOut
+from panostitch.model.alignment import UNREADABLE, Alignment, LeftOut
 from panostitch.model.match import VerifiedMatch
 from panostitch.model.panorama import Panorama
 from panostitch.model.photo import Photo
@@ -23,7 +23,7 @@ from panostitch.runtime.executor import Executor, serial
 from panostitch.runtime.memory import give_back, within
 from panostitch.runtime.trace import Trace, silent
 
-__all__ = ["Recognition", "align", "align_panorama", "left_out", "no_overlap", "recognise", "render"]
+__all__ = ["Recognition", "align", "align_panorama", "check_all_in", "left_out", "no_overlap", "recognise", "render"]
 
 
 def align(
@@ -109,10 +109,30 @@ def left_out(recognition: Recognition, kept: Sequence[int]) -> list[LeftOut]:
     return [*recognition.unreadable, *lonely]
 
 
+def check_all_in(photos: Sequence[LeftOut]) -> None:
+    """What --require-all asks of the photos that were left out: that there are none.
+
+    Raises InputError where one cannot be read, NoOverlapError for others.
+    """
+    if not photos:
+        return
+    first, *others = sorted(photos, key=lambda photo: photo.cause != UNREADABLE)
+    raise (InputError if first.cause == UNREADABLE else NoOverlapError)(
+        f"{first.name}: {first.reason}",
+        details=(*first.details, *(f"{photo.name}: {photo.reason}" for photo in others)),
+        hint=first.hint or "without --require-all the panorama is made of the other photos",
+    )
+
+
 def no_overlap(recognition: Recognition) -> NoOverlapError:
     """The error that says of every photo why it overlaps no other."""
+    names: dict[tuple[str, ...], list[str]] = {}
+    everybody = left_out(recognition, kept=())
+    for photo in everybody:
+        names.setdefault(photo.details or (photo.reason,), []).append(photo.name)
+    hints = {photo.hint for photo in everybody}
     return NoOverlapError(
         "no two photos overlap",
-        details=tuple(f"{p.name}: {'; '.join(p.details) or p.reason}" for p in left_out(recognition, kept=())),
-        hint="photos need about a third of their width in common; see the matches with --debug-dir",
+        details=tuple(f"{', '.join(who)}: {'; '.join(what)}" for what, who in names.items()),
+        hint=hints.pop() if len(hints) == 1 else "photos need about a third of their width in common",
     )

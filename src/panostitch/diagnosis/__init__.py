@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from functools import partial
 from statistics import median
 
+from panostitch.diagnosis.advice import advice
 from panostitch.diagnosis.causes import CAUSES, PLAIN, Case, judge
 from panostitch.diagnosis.left_out import explain_left_out
 from panostitch.diagnosis.looks import Look, look_at
@@ -23,7 +24,7 @@ from panostitch.recognition import Recognition
 from panostitch.runtime.executor import Executor, serial
 from panostitch.runtime.trace import Trace, silent
 
-__all__ = ["CAUSES", "diagnose", "explain_left_out"]
+__all__ = ["CAUSES", "advice", "diagnose", "explain_left_out"]
 
 Pair = tuple[int, int]
 Seen = tuple[Features, Look]

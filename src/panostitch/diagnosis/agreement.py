@@ -47,7 +47,6 @@ class Agreement:
         return self.chance < NO_CHANCE
 
 
-
 def find_agreement(xy_i: Floats, xy_j: Floats, size_j: tuple[int, int], *, within: float = 1.0) -> Agreement:
     """The agreement of matches (n, 2) px that chance explains least; falsy where chance may explain it.
 
@@ -56,7 +55,7 @@ def find_agreement(xy_i: Floats, xy_j: Floats, size_j: tuple[int, int], *, withi
     best = Agreement(np.eye(3), np.zeros(len(xy_i), np.bool_), 0.0)
     distinct = _distinct(xy_i, xy_j, SAME_PLACE * max(size_j))
     n = len(distinct)
-    a, b = (np.asarray(xy @ [1, 1j]) for xy in (xy_i, xy_j))
+    a, b = (xy[:, 0] + 1j * xy[:, 1] for xy in (xy_i, xy_j))
     zoom, shift = _similarities(a[distinct], b[distinct])
     if not len(zoom):
         return best
@@ -100,7 +99,9 @@ def _distinct(xy_i: Floats, xy_j: Floats, apart: float) -> NDArray[np.intp]:
     return np.sort(first)
 
 
-def _similarities(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+def _similarities(
+    a: NDArray[np.complex128], b: NDArray[np.complex128]
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Factors and shifts (m,) of the similarities b = factor a + shift through two matches each."""
     chosen = np.unique(np.linspace(0, len(a) - 1, min(MOST_MATCHES, len(a))).astype(int))
     first, second = (chosen[k] for k in np.triu_indices(len(chosen), 1))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from panostitch.diagnosis.looks import Look
 from panostitch.diagnosis.pairs import PairEvidence
+from panostitch.model.photo import natural_key
 
 LOST = 0.5  # of a photo is white or black
 LOST_MORE = 0.4  # than of the other one
@@ -138,7 +139,9 @@ CAUSES: dict[str, Cause] = {
     ),
     "too little overlap": Cause(_too_little_overlap, "take one more photo between {first} and {second}"),
     "parallax": Cause(_parallax, "turn the camera about its lens instead of moving it, or keep near things out"),
-    "moving subject": Cause(_moving_subject, "take them again when less moves, or leave one out with --exclude {photo}"),
+    "moving subject": Cause(
+        _moving_subject, "take them again when less moves, or leave one out with --exclude {photo}"
+    ),
     "different scene": Cause(
         _different_scene, "leave it out with --exclude {photo}; if it belongs here, take a photo between"
     ),
@@ -151,7 +154,7 @@ def judge(case: Case) -> tuple[str, Verdict, str]:
     for name, cause in CAUSES.items():
         verdict = cause.evidence(case)
         if verdict:
-            first, second = case.names
-            photo = first if verdict.culprit is None else case.names[verdict.culprit]
+            photo = case.names[verdict.culprit or 0]
+            first, second = sorted(case.names, key=natural_key)
             return name, verdict, cause.next.format(photo=photo, first=first, second=second)
     raise AssertionError("the last cause always speaks")

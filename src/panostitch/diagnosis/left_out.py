@@ -36,9 +36,7 @@ def explain_left_out(
     return left_out
 
 
-def _in_other_group(
-    photos: Sequence[Photo], n: int, group: Sequence[int], causes: dict[str, Finding]
-) -> LeftOut:
+def _in_other_group(photos: Sequence[Photo], n: int, group: Sequence[int], causes: dict[str, Finding]) -> LeftOut:
     names = [photos[k].name for k in group if k != n]
     shown = ", ".join(names[:NAMES_SHOWN]) + (f" and {len(names) - NAMES_SHOWN} more" if names[NAMES_SHOWN:] else "")
     apart = next((causes[photos[k].name] for k in group if photos[k].name in causes), None)
@@ -57,14 +55,16 @@ def _single(
     name = photos[n].name
     details = [f"cause: {finding.cause}: {finding.evidence}"] if finding else []
     best = _best(photos, links, n, finding.partner if finding else "")
-    if best:
+    if best is not None:
         details.append(_best_partner(photos[best.j if best.i == n else best.i].name, best, finding))
     if attempts:
         details.append(f"tried: {', '.join(map(str, attempts))}")
-    advice = f"take a photo between the two, or leave it out with --exclude {name}" if best else ""
+    advice = f"take a photo between the two, or leave it out with --exclude {name}" if best is not None else ""
     return LeftOut(
         name,
-        "overlaps no other photo" if finding is None or finding.cause == "different scene" else "is linked to no other photo",
+        "overlaps no other photo"
+        if finding is None or finding.cause == "different scene"
+        else "is linked to no other photo",
         tuple(details),
         finding.next if finding else advice,
         cause=finding.cause if finding else "",

@@ -1,4 +1,4 @@
-"""Which links to explain: of photos that stay alone, of groups that stay apart, and of weak links nothing else backs."""
+"""Which links to explain: of photos that stay alone, of groups that stay apart, and weak ones that nothing backs."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ WEAK_INLIERS = 1.3  # times as many as it takes
 
 @dataclass(frozen=True)
 class Question:
-    """Why a photo is linked to none of its partners, or only weakly (numbers of photos, the likeliest partner first)."""
+    """Why a photo is linked to none of its partners, or only weakly; numbers of photos, the likeliest partner first."""
 
     photo: int
     partners: tuple[int, ...]
@@ -65,9 +65,7 @@ def weak_links(count: int, links: Sequence[Link]) -> list[VerifiedMatch]:
     part_of |= {photo: -1 - photo for photo in parts.singles}
     joins = [tuple(sorted((part_of[link.i], part_of[link.j]))) for link in weak]
     times = Counter(joins)
-    return [
-        link for link, join in zip(weak, joins, strict=True) if join[0] != join[1] and times[join] == 1
-    ]
+    return [link for link, join in zip(weak, joins, strict=True) if join[0] != join[1] and times[join] == 1]
 
 
 def _is_weak(link: VerifiedMatch) -> bool:

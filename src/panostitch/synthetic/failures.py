@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import cv2
 import numpy as np
@@ -118,7 +119,7 @@ def _moving_subject(case: int, rng: np.random.Generator) -> list[Pixels]:
             x, y = rng.integers(0, 800 - wide), rng.integers(0, 400 - high)
             subject = crowd[y : y + high, x : x + wide]
             for photo, shift in ((left, SIZE[0] - SUBJECTS[0] * width), (right, 0)):
-                at = np.rint([column * width + shift, row * height] + rng.normal(0, STRIDE, 2)).astype(int)
+                at = np.rint(rng.normal([column * width + shift, row * height], STRIDE)).astype(int)
                 _paste(photo, subject, at)
     return [left, right]
 
@@ -167,5 +168,5 @@ def plant(cause: str, case: int) -> Planted:
     return Planted(cause, photos)
 
 
-def _noisy(picture: NDArray[np.float64], rng: np.random.Generator, noise: float = NOISE) -> Pixels:
+def _noisy(picture: NDArray[Any], rng: np.random.Generator, noise: float = NOISE) -> Pixels:
     return np.clip(np.rint(picture + rng.normal(0, noise, picture.shape)), 0, 255).astype(np.uint8)
