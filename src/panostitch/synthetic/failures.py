@@ -15,7 +15,7 @@ from panostitch.synthetic.rig import rig, step_for_overlap
 from panostitch.synthetic.scene import Scene, sphere_scene
 from panostitch.synthetic.textures import procedural_texture
 
-CASES = 5  # of each cause
+CASES = 10  # of each cause; the second half is like the first one, of other scenes
 
 SIZE = (480, 360)
 HFOV = np.deg2rad(50)
@@ -26,7 +26,7 @@ TEXTURE = (2400, 1200)
 
 SMALL_OVERLAPS = (0.03, 0.04, 0.045, 0.025, 0.035)
 EXPOSURES = (8.0, -12.0, 7.5, -13.0, 7.0)  # EV from the other photos: burnt out, or lost in the dark
-DEFOCUS = (6.0, 8.0, 10.0, 7.0)  # px, deviation of the blur of the photo; one more case is a shake
+DEFOCUS = (6.0, 8.0, 10.0, 7.0, 0.0)  # px, deviation of the blur of the photo; 0 is a shake
 SHAKE = 60  # px
 PERIODS = (45, 60, 75, 50, 40)  # px of the photo after which a pattern repeats
 SUBJECTS = (4, 3)  # columns and rows of things that move, over the part that both photos show
@@ -46,6 +46,10 @@ class Planted:
     def failing(self) -> str:
         """Name of the photo that fails."""
         return self.photos[-1].name
+
+
+def _of(values: Sequence[float], case: int) -> float:
+    return values[case % len(values)]
 
 
 @lru_cache(maxsize=3)
@@ -80,12 +84,12 @@ def _no_texture(case: int, rng: np.random.Generator) -> list[Pixels]:
 
 def _small_overlap(case: int, rng: np.random.Generator) -> list[Pixels]:
     """The camera was turned too far."""
-    return _good_row(case, rng, last=SMALL_OVERLAPS[case])
+    return _good_row(case, rng, last=_of(SMALL_OVERLAPS, case))
 
 
 def _repeated_pattern(case: int, rng: np.random.Generator) -> list[Pixels]:
     """A wall of tiles, each like the others, from straight before it; the camera moves along."""
-    period, (width, height) = PERIODS[case], SIZE
+    period, (width, height) = round(_of(PERIODS, case)), SIZE
     tile = procedural_texture(8 * period, 4 * period, seed=case)[: 4 * period, : 4 * period].astype(np.float64)
     repeats = (height // period + 2, width // period + 2, 1)
     wall = np.tile(cv2.resize(tile, (period, period), interpolation=cv2.INTER_AREA), repeats)
@@ -96,16 +100,14 @@ def _repeated_pattern(case: int, rng: np.random.Generator) -> list[Pixels]:
 def _blur(case: int, rng: np.random.Generator) -> list[Pixels]:
     """Out of focus, or shaken."""
     *others, last = _good_row(case, rng)
-    if case < len(DEFOCUS):
-        soft = cv2.GaussianBlur(last.astype(np.float64), (0, 0), DEFOCUS[case])
-    else:
-        soft = cv2.blur(last.astype(np.float64), (SHAKE, 3))
+    defocus, picture = _of(DEFOCUS, case), last.astype(np.float64)
+    soft = cv2.GaussianBlur(picture, (0, 0), defocus) if defocus else cv2.blur(picture, (SHAKE, 3))
     return [*others, _noisy(soft, rng)]
 
 
 def _exposure(case: int, rng: np.random.Generator) -> list[Pixels]:
     """Burnt out, or lost in the dark."""
-    return _good_row(case, rng, exposure=EXPOSURES[case])
+    return _good_row(case, rng, exposure=_of(EXPOSURES, case))
 
 
 def _moving_subject(case: int, rng: np.random.Generator) -> list[Pixels]:
@@ -136,7 +138,7 @@ def _parallax(case: int, rng: np.random.Generator) -> list[Pixels]:
     (photo,) = _row(_scene(case), [rng.uniform(-3, 3)], [0.0], rng)
     width, height = SIZE
     depth = cv2.GaussianBlur(rng.standard_normal((height, width)), (0, 0), 28)
-    shift = depth / depth.std() * DEPTHS[case]
+    shift = depth / depth.std() * _of(DEPTHS, case)
     x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
     moved = cv2.remap(photo, x + shift.astype(np.float32), y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
     return [photo, _noisy(moved.astype(np.float64), rng)]
