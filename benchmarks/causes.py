@@ -69,7 +69,8 @@ def _row(cause: str, mine: list[Outcome]) -> str:
     others = sorted({one.stated for one in failed} - {cause})
     linked = [one for one in mine if one.stated == LINKED]
     words = f"{len(linked)}, {sum(one.weak for one in linked)} of them called weak for this cause" if linked else "0"
-    return f"| {cause} | {FAILURES[cause].__doc__.rstrip('.')} | {right} of {len(failed)} | {', '.join(others)} | {words} |"
+    how = str(FAILURES[cause].__doc__).rstrip(".")
+    return f"| {cause} | {how} | {right} of {len(failed)} | {', '.join(others)} | {words} |"
 
 
 def _advice(name: str) -> str:

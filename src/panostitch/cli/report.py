@@ -45,6 +45,7 @@ def say_alignment(alignment: Alignment, *, verbose: int) -> None:
         _say_refuted(alignment)
     for left_out in alignment.left_out:
         _say_left_out(left_out)
+    _say_weak(alignment)
 
 
 def _gain(warp: LocalWarp) -> str:
@@ -105,6 +106,14 @@ def _say_left_out(photo: LeftOut) -> None:
         say(f"  {line}")
     if photo.hint:
         say(f"  next: {photo.hint}")
+
+
+def _say_weak(alignment: Alignment) -> None:
+    """Links that are all that holds the panorama together somewhere, and rest on little."""
+    for finding in alignment.findings:
+        if finding.weak:
+            say(f"weak link: {finding.photo} - {finding.partner}: {finding.cause}: {finding.evidence}")
+            say(f"  next: {finding.next}")
 
 
 def say_forecast(panorama: Panorama, path: str, expected: Forecast) -> None:
