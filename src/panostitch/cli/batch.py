@@ -55,7 +55,8 @@ def command(folder: str, output: str, file_format: str, **given: Any) -> int:
         if not given["quiet"]:
             report.say(f"{outcome.name}: {outcome.message or outcome.path} ({outcome.seconds:.1f} s)")
             for photo in outcome.left_out:
-                report.say(f"  left out: {photo.name}: {photo.reason}")
+                cause = f" ({photo.cause})" if photo.cause else ""
+                report.say(f"  left out: {photo.name}: {photo.reason}{cause}")
             for note in outcome.notes:
                 report.say(f"  note: {note}")
 
