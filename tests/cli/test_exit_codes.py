@@ -189,6 +189,13 @@ def test_a_name_to_exclude_that_no_photo_has(call, inputs):
     assert "  next: the nearest is a.jpg" in result.err
 
 
+def test_all_photos_excluded(call, inputs):
+    names = [word for path in inputs for word in ("--exclude", path.name)]
+
+    failed(call(*inputs, "-o", "out.jpg", *names), USAGE, "--exclude leaves no photo")
+    failed(call(*inputs, "-o", "out.jpg", *names[2:]), USAGE, "a.jpg is the only photo")
+
+
 def test_what_became_of_every_photo_is_said_and_in_the_json(call, inputs, strays):
     arguments = [*inputs, strays / "lonely.jpg", strays / "half.jpg", "-o", "out.jpg", *QUICK]
 

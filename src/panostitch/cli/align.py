@@ -19,12 +19,7 @@ def command(photos: tuple[str, ...], output: str, pto: str | None, **given: Any)
     """Find the cameras of PHOTOS and keep them in a project file, for `panostitch render`."""
     from panostitch import pipeline
     from panostitch.cli import report
-    from panostitch.cli.session import (
-        check_inclusion_options,
-        debug_trace,
-        executor,
-        open_given,
-    )
+    from panostitch.cli.session import check_inclusion_options, debug_trace, executor, open_given
     from panostitch.compositing import lay_out
     from panostitch.io import project, writers
     from panostitch.io import pto as hugin

@@ -26,7 +26,10 @@ def photo_paths(arguments: Sequence[str]) -> list[str]:
 
 
 def without(paths: Sequence[str], names: Sequence[str]) -> list[str]:
-    """The paths but for those with these names, or these paths. Raises UsageError for a name that none has."""
+    """The paths but for those with these names, or these paths.
+
+    Raises UsageError for a name that none has, and where none is left.
+    """
     known = {name for path in paths for name in (path, os.path.basename(path))}
     for name in names:
         if name not in known:
@@ -34,7 +37,10 @@ def without(paths: Sequence[str], names: Sequence[str]) -> list[str]:
             raise UsageError(
                 f"--exclude {name}: no photo has that name", hint=f"the nearest is {near[0]}" if near else ""
             )
-    return [path for path in paths if not {path, os.path.basename(path)} & set(names)]
+    kept = [path for path in paths if not {path, os.path.basename(path)} & set(names)]
+    if not kept:
+        raise UsageError("--exclude leaves no photo", hint="a panorama needs two or more")
+    return kept
 
 
 def _expand(argument: str) -> Iterator[str]:

@@ -21,12 +21,7 @@ def command(photos: tuple[str, ...], output: str, save_project: str | None, pto:
     """Stitch PHOTOS (files, folders, globs, @list.txt, - for a list on standard input) into a panorama."""
     from panostitch import pipeline
     from panostitch.cli import report
-    from panostitch.cli.session import (
-        check_inclusion_options,
-        debug_trace,
-        executor,
-        open_given,
-    )
+    from panostitch.cli.session import check_inclusion_options, debug_trace, executor, open_given
     from panostitch.compositing.view import look
     from panostitch.io import project, writers
     from panostitch.io import pto as hugin

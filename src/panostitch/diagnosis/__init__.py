@@ -36,6 +36,8 @@ def diagnose(
     """What keeps apart what stayed apart, and makes links weak; a finding for each photo, group and weak link."""
     photos = recognition.photos
     asked = questions(photos, recognition.links, recognition.groups)
+    if not asked:
+        return ()
     members = sorted({n for one in asked for n in (one.photo, *one.partners)})
     # the key points of the first further attempt: more than matching has seen, at a price that is paid but for failures
     see = partial(_see, options=rungs(options.features)[0])
