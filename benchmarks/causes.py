@@ -82,6 +82,7 @@ HEAD = f"""# Causes
 Why photos are left out, or linked only weakly: what is said, and how often it is true. Made by
 `python benchmarks/causes.py` from photographs of computed scenes, {CASES} sets for each cause. The thresholds were
 chosen on the first {CASES // 2} of them; the others are photographs of other scenes, spoiled as much.
+Each fails for one plain cause; photos with several at once are not measured.
 
 | planted cause | how | stated | else | linked all the same |
 |---|---|---|---|---|"""
