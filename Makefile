@@ -45,6 +45,7 @@ test-all: $(VENV)/dev ## all tests
 
 bench: $(VENV)/dev ## error and seconds; accuracy goes into docs/reference; seconds of PHOTOS="FOLDER ..." or the samples
 	$(BIN)/python benchmarks/accuracy.py --output docs/reference/accuracy.md
+	$(BIN)/python benchmarks/causes.py --output docs/reference/causes.md
 	$(BIN)/python benchmarks/bundle.py --quick
 	$(BIN)/python benchmarks/registration_time.py $(PHOTOS)
 

@@ -46,7 +46,8 @@ def exit_codes_page() -> str:
     rows = {
         errors.EXIT_OK: "every photo is in the panorama",
         errors.EXIT_BUG: "a bug, or a failed selftest; a bug says where its log lies",
-        errors.EXIT_LEFT_OUT: "the panorama is written, but photos were left out; each is named with the reason",
+        errors.EXIT_LEFT_OUT: "the panorama is written, but photos were left out or could not be read; each is named "
+        "with the reason (0 with `--allow-partial`)",
         errors.EXIT_BATCH_FAILED: "batch: some panoramas failed; the table and `--json` have the code of each",
         errors.EXIT_DAMAGED: "the installation is damaged; `panostitch doctor` says what to do",
         errors.EXIT_INTERRUPTED: "interrupted",

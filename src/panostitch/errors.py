@@ -2,7 +2,7 @@
 
 PanostitchError
 ├── UsageError             2   an option or argument makes no sense
-├── NoOverlapError         4   no two photos overlap
+├── NoOverlapError         4   no two photos overlap, or not all of them where all are required
 ├── InputError             5   an input cannot be read
 ├── AlignmentError         6   photos match, but no sound alignment was found
 ├── LimitError             7   a limit of memory, disk, size or time would be broken
@@ -45,13 +45,13 @@ class UsageError(PanostitchError):
 
 
 class NoOverlapError(PanostitchError):
-    """No two of the photos overlap."""
+    """No two of the photos overlap, or with --require-all not all of them; nothing is written."""
 
     exit_code = 4
 
 
 class InputError(PanostitchError):
-    """An input is missing, is no image, or is broken."""
+    """An input is missing, or fewer than two photos can be read (with --require-all: not all of them)."""
 
     exit_code = 5
 

@@ -8,31 +8,55 @@ from dataclasses import replace
 from panostitch.alignment import align_group
 from panostitch.compositing import decoding_bytes, frame, make_cube, make_panorama, make_plan
 from panostitch.compositing.view import look
-from panostitch.errors import NoOverlapError
+from panostitch.diagnosis import diagnose, explain_left_out
+from panostitch.errors import InputError, NoOverlapError
 from panostitch.io.colour import in_one_profile
-from panostitch.matching import explain_left_out, pairs_tried
-from panostitch.model.alignment import Alignment, LeftOut
+from panostitch.matching import pairs_tried
+from panostitch.model.alignment import UNREADABLE, Alignment, LeftOut
 from panostitch.model.match import VerifiedMatch
 from panostitch.model.panorama import Panorama
 from panostitch.model.photo import Photo
 from panostitch.options import Options
-from panostitch.recognition import Recognition, recognise
+from panostitch.recognition import Recognition
+from panostitch.recognition import recognise as see_what_belongs_together
 from panostitch.runtime.executor import Executor, serial
 from panostitch.runtime.memory import give_back, within
 from panostitch.runtime.trace import Trace, silent
 
-__all__ = ["Recognition", "align", "align_panorama", "left_out", "no_overlap", "recognise", "render"]
+__all__ = ["Recognition", "align", "align_panorama", "check_all_in", "left_out", "no_overlap", "recognise", "render"]
 
 
-def align(photos: Sequence[Photo], options: Options, *, run: Executor = serial, trace: Trace = silent) -> Alignment:
+def align(
+    photos: Sequence[Photo],
+    options: Options,
+    *,
+    unreadable: Sequence[LeftOut] = (),
+    run: Executor = serial,
+    trace: Trace = silent,
+) -> Alignment:
     """Cameras of the largest panorama among the photos, and why the other photos are not in it.
 
+    `unreadable` are photos that were given as well, for the record.
     Raises NoOverlapError where no two photos overlap, AlignmentError where no cameras explain the matches.
     """
-    recognition = recognise(photos, options, run=run, trace=trace)
+    recognition = recognise(photos, options, unreadable=unreadable, run=run, trace=trace)
     if not recognition.groups.panoramas:
         raise no_overlap(recognition)
     return align_panorama(recognition, 0, options, run=run, trace=trace)
+
+
+def recognise(
+    photos: Sequence[Photo],
+    options: Options,
+    *,
+    unreadable: Sequence[LeftOut] = (),
+    run: Executor = serial,
+    trace: Trace = silent,
+) -> Recognition:
+    """Which photos belong together, and why the others do not. Raises InputError where fewer than two can be read."""
+    found = see_what_belongs_together(photos, options, run=run, trace=trace)
+    found = replace(found, unreadable=(*unreadable, *found.unreadable))
+    return replace(found, findings=diagnose(found, options, run=run, trace=trace))
 
 
 def align_panorama(
@@ -46,7 +70,8 @@ def align_panorama(
         for link in recognition.links
         if isinstance(link, VerifiedMatch) and link.i in place
     ]
-    return align_group(
+    names = {recognition.photos[n].name for n in members}
+    aligned = align_group(
         [recognition.photos[n] for n in members],
         links,
         options.alignment,
@@ -56,6 +81,8 @@ def align_panorama(
         run=run,
         trace=trace,
     )
+    # weak links of other panoramas are no concern of this one
+    return replace(aligned, findings=tuple(f for f in recognition.findings if not f.weak or f.photo in names))
 
 
 def render(alignment: Alignment, options: Options, *, run: Executor = serial, trace: Trace = silent) -> Panorama:
@@ -77,14 +104,35 @@ def render(alignment: Alignment, options: Options, *, run: Executor = serial, tr
 
 def left_out(recognition: Recognition, kept: Sequence[int]) -> list[LeftOut]:
     """Why each photo that is not among the kept ones (indices) is not in a panorama."""
-    lonely = explain_left_out(recognition.photos, recognition.links, recognition.groups, kept, recognition.attempts)
+    r = recognition
+    lonely = explain_left_out(r.photos, r.links, r.groups, kept, r.attempts, r.findings)
     return [*recognition.unreadable, *lonely]
+
+
+def check_all_in(photos: Sequence[LeftOut]) -> None:
+    """What --require-all asks of the photos that were left out: that there are none.
+
+    Raises InputError where one cannot be read, NoOverlapError for others.
+    """
+    if not photos:
+        return
+    first, *others = sorted(photos, key=lambda photo: photo.cause != UNREADABLE)
+    raise (InputError if first.cause == UNREADABLE else NoOverlapError)(
+        f"{first.name}: {first.reason}",
+        details=(*first.details, *(f"{photo.name}: {photo.reason}" for photo in others)),
+        hint=first.hint or "without --require-all the panorama is made of the other photos",
+    )
 
 
 def no_overlap(recognition: Recognition) -> NoOverlapError:
     """The error that says of every photo why it overlaps no other."""
+    names: dict[tuple[str, ...], list[str]] = {}
+    everybody = left_out(recognition, kept=())
+    for photo in everybody:
+        names.setdefault(photo.details or (photo.reason,), []).append(photo.name)
+    hints = {photo.hint for photo in everybody}
     return NoOverlapError(
         "no two photos overlap",
-        details=tuple(f"{p.name}: {'; '.join(p.details) or p.reason}" for p in left_out(recognition, kept=())),
-        hint="photos need about a third of their width in common; see the matches with --debug-dir",
+        details=tuple(f"{', '.join(who)}: {'; '.join(what)}" for what, who in names.items()),
+        hint=hints.pop() if len(hints) == 1 else "photos need about a third of their width in common",
     )

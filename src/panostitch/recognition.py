@@ -8,6 +8,7 @@ from panostitch.features import attempt_of, brings_more, detect, rungs
 from panostitch.matching import drop_contradictions, find_groups, improved, link_photos, match, pairs_to_retry, verify
 from panostitch.model.alignment import LeftOut
 from panostitch.model.features import Attempt, Features
+from panostitch.model.finding import Finding
 from panostitch.model.match import Groups, Link
 from panostitch.model.photo import Photo
 from panostitch.options import FeatureOptions, Options
@@ -22,6 +23,7 @@ class Recognition:
     features: of the first attempt; links may rest on those of a later one
     links:    the outcome of every pair that was looked at, sorted; of pairs tried again the best outcome
     attempts: how the key points of each photo were sought, the first attempt first
+    findings: why photos stayed alone, and links are weak
     """
 
     photos: tuple[Photo, ...]
@@ -30,6 +32,7 @@ class Recognition:
     groups: Groups
     unreadable: tuple[LeftOut, ...]
     attempts: tuple[tuple[Attempt, ...], ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
 def recognise(
@@ -41,7 +44,7 @@ def recognise(
     failures = [(p, f) for p, f in zip(photos, found, strict=True) if isinstance(f, InputError)]
     if failures and len(photos) - len(failures) < 2:
         raise _unreadable(failures)
-    unreadable = [LeftOut(p.name, f.message.removeprefix(f"{p.path}: "), hint=f.hint) for p, f in failures]
+    unreadable = [LeftOut.unreadable(f, p.name) for p, f in failures]
     photos = [p for p, f in zip(photos, found, strict=True) if isinstance(f, Features)]
     features = [f for f in found if isinstance(f, Features)]
     links = drop_contradictions(photos, link_photos(photos, features, options.matching, run=run, trace=trace))

@@ -22,8 +22,6 @@ QUICK = ["--detector", "orb", "--max-features", "600", "--retries", "none", "--s
 # px; three photos of 400 x 300, 84 degrees wide together: 770 px and a little less height, and the crop may take a bit
 WIDTHS, HEIGHTS = (650, 850), (230, 320)
 
-PNG = "a PNG is decoded on opening: 5 instead of 3"
-
 # What a progress bar leaves in a file: a return to the start of the line, percentages, blocks.
 BAR = re.compile(r"\r|\d+%\||[█▏▎▍▌▋▊▉]|\x1b")
 
@@ -43,6 +41,14 @@ def failed(result, code, *words):
         assert word in lines[at]
     assert all(line.startswith("  ") for line in lines[at + 1 :])
     assert left_behind() == []
+
+
+def failed_beside(result, code, *words, beside=("out.jpg",)):
+    """As `failed`, where earlier runs have left files."""
+    (line,) = [line for line in result.err.splitlines() if line.startswith("error: ")]
+    assert result.code == code, result.err
+    assert all(word in line for word in words)
+    assert left_behind() == list(beside)
 
 
 def misused(result, *words):
@@ -95,8 +101,13 @@ def test_all_files_that_are_missing_are_named(call, inputs):
 
 
 @pytest.mark.parametrize("name", ["letter.jpg", "empty.jpg"])
-def test_a_file_that_is_no_picture(name, call, inputs, strays):
-    failed(call(*inputs, strays / name, "-o", "out.jpg"), UNREADABLE, name, "not a picture")
+def test_a_file_that_is_no_picture_is_left_out_by_name(name, call, inputs, strays):
+    result = call(*inputs, strays / name, "-o", "out.jpg", *QUICK)
+
+    assert result.code == LEFT_OUT
+    assert f"left out: {name}: not a picture" in result.err
+    panorama("out.jpg")
+    failed_beside(call(*inputs, strays / name, "-o", "2.jpg", "--require-all"), UNREADABLE, name, "not a picture")
 
 
 def test_one_photo_alone(call, inputs):
@@ -139,6 +150,79 @@ def test_half_a_photo_is_left_out_by_name(name, call, inputs, strays):
     assert f"left out: {name}: " in result.err
     assert "broken" in result.err
     panorama("out.jpg")
+
+
+def test_all_photos_may_be_required(call, inputs, strays):
+    lonely, half = strays / "lonely.jpg", strays / "half.jpg"
+
+    failed(call(*inputs, lonely, "-o", "out.jpg", "--require-all", *QUICK), NO_OVERLAP, "lonely.jpg")
+    failed(call(*inputs, lonely, half, "-o", "out.jpg", "--require-all", *QUICK), UNREADABLE, "half.jpg")
+    assert call(*inputs, "-o", "out.jpg", "--require-all", *QUICK).code == OK
+
+
+def test_photos_may_be_allowed_to_be_left_out(call, inputs, strays):
+    result = call(*inputs, strays / "lonely.jpg", "-o", "out.jpg", "--allow-partial", "--json", *QUICK)
+
+    assert result.code == json.loads(result.out)["exit_code"] == OK
+    assert "left out: lonely.jpg" in result.err
+
+
+def test_all_required_and_some_allowed_to_be_missing(call, inputs):
+    failed(
+        call(*inputs, "-o", "out.jpg", "--require-all", "--allow-partial"), USAGE, "--require-all", "--allow-partial"
+    )
+
+
+def test_photos_can_be_excluded(call, inputs, strays):
+    names = ["--exclude", "lonely.jpg", "--exclude", strays / "letter.jpg"]
+
+    result = call(*inputs, strays / "lonely.jpg", strays / "letter.jpg", "-o", "out.jpg", *names, *QUICK)
+
+    assert result.code == OK, result.err
+    assert "photos: 3 of 3 used" in result.err
+
+
+def test_a_name_to_exclude_that_no_photo_has(call, inputs):
+    result = call(*inputs, "-o", "out.jpg", "--exclude", "aa.jpg")
+
+    failed(result, USAGE, "--exclude aa.jpg", "no photo has that name")
+    assert "  next: the nearest is a.jpg" in result.err
+
+
+def test_all_photos_excluded(call, inputs):
+    names = [word for path in inputs for word in ("--exclude", path.name)]
+
+    failed(call(*inputs, "-o", "out.jpg", *names), USAGE, "--exclude leaves no photo")
+    failed(call(*inputs, "-o", "out.jpg", *names[2:]), USAGE, "a.jpg is the only photo")
+
+
+def test_what_became_of_every_photo_is_said_and_in_the_json(call, inputs, strays):
+    arguments = [*inputs, strays / "lonely.jpg", strays / "half.jpg", "-o", "out.jpg", *QUICK]
+
+    result = call(*arguments, "--json")
+
+    assert "photos: 3 of 5 used, 1 unreadable, 1 left out" in result.err
+    rows = [line for line in result.err.splitlines() if line.startswith(("lonely.jpg ", "half.jpg ", "a.jpg "))]
+    assert [line.split()[0] for line in rows] == ["half.jpg", "lonely.jpg"]
+    data = json.loads(result.out)
+    states = {row["name"]: row["state"] for row in data["inclusion"]}
+    assert states == dict.fromkeys(["a.jpg", "b.jpg", "c.jpg"], "used") | {
+        "half.jpg": "unreadable",
+        "lonely.jpg": "left out",
+    }
+    assert sum(row["share"] for row in data["inclusion"]) == pytest.approx(1)
+    (finding,) = data["findings"]
+    assert (finding["photo"], finding["cause"]) == ("lonely.jpg", "different scene")
+    assert data["advice"] == []
+
+
+def test_where_all_is_well_one_line_says_so(call, inputs):
+    result = call(*inputs, "-o", "out.jpg", *QUICK)
+
+    assert [line for line in result.err.splitlines() if "photos: " in line] == ["photos: 3 of 3 used"]
+    assert "advice: " not in result.err
+    verbose = call("-v", *inputs, "-o", "2.jpg", *QUICK)
+    assert len([line for line in verbose.err.splitlines() if " used " in line and "%" in line]) == 3
 
 
 def test_nothing_but_broken_photos_is_not_a_lack_of_overlap(call, inputs, strays):

@@ -14,8 +14,9 @@ from panostitch.errors import InputError, OutputError
 from panostitch.geometry import rotation
 from panostitch.io.project import read_project, write_project
 from panostitch.io.readers import open_photo
-from panostitch.model.alignment import Alignment, LeftOut, LinkSummary, LocalWarp
+from panostitch.model.alignment import FORMAT_VERSION, Alignment, LeftOut, LinkSummary, LocalWarp
 from panostitch.model.camera import Camera
+from panostitch.model.finding import Finding
 from panostitch.model.mesh import flat_mesh
 
 SIZE = (60, 40)
@@ -37,10 +38,11 @@ def make_alignment(paths):
             Camera(SIZE, 50.0 + n / 7, (29.5, 19.5), rotation.from_angles(n / 3, 0, 0), -0.1) for n in range(len(paths))
         ),
         (LinkSummary(0, 1, 55, 0.4),),
-        (LeftOut("z.jpg", "overlaps no other photo", ("one", "two"), "look again"),),
+        (LeftOut("z.jpg", "overlaps no other photo", ("one", "two"), "look again", "blur"),),
         0.4,
         0.9,
         "it fits",
+        findings=(Finding("z.jpg", os.path.basename(paths[0]), "blur", "it is soft", "take it again", "z.jpg", 0.4),),
     )
 
 
@@ -53,6 +55,7 @@ def same(a, b):
         b.p95,
         b.reason,
     )
+    assert a.findings == b.findings
     assert [photo.name for photo in a.photos] == [photo.name for photo in b.photos]
     for p, q in zip(a.cameras, b.cameras, strict=True):
         assert (p.size, p.focal, p.centre, p.k1, p.k2) == (q.size, q.focal, q.centre, q.k1, q.k2)
@@ -141,7 +144,7 @@ def changed(data, *keys, to):
 BROKEN = {
     "another format": (("format",), "something", "panostitch"),
     "no format": (("format",), ..., "format"),
-    "next version": (("version",), 4, "version"),
+    "next version": (("version",), FORMAT_VERSION + 1, "version"),
     "no version": (("version",), ..., "version"),
     "model unknown": (("model",), "cube", "panorama"),
     "no photos": (("photos",), [], "panorama"),
@@ -175,6 +178,8 @@ BROKEN = {
     "link of words": (("links", 0), {"from": 1}, ""),
     "left out a number": (("left_out",), 3, ""),
     "left out without reason": (("left_out", 0, "reason"), ..., "reason"),
+    "findings missing": (("findings",), ..., "findings"),
+    "finding without cause": (("findings", 0, "cause"), ..., "cause"),
     "rms a word": (("rms",), "small", "small"),
     "rms missing": (("rms",), ..., "rms"),
     "reason missing": (("reason",), ..., "reason"),

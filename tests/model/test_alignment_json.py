@@ -21,7 +21,7 @@ def alignment(memory_photos):
         photos=tuple(memory_photos[:3]),
         cameras=cameras,
         links=(LinkSummary(0, 1, 55, 0.4), LinkSummary(1, 2, 66, 0.5)),
-        left_out=(LeftOut("view_3", "overlaps no other photo", ("best partner: view_1",), "look again"),),
+        left_out=(LeftOut("view_3", "overlaps no other photo", ("best partner: view_1",), "look again", "blur"),),
         rms=0.45,
         p95=0.9,
         reason="it fits",
@@ -59,6 +59,7 @@ def test_links_and_left_out_come_back(alignment):
         "reason": "overlaps no other photo",
         "details": ["best partner: view_1"],
         "hint": "look again",
+        "cause": "blur",
     }
 
 

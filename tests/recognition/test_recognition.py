@@ -58,8 +58,9 @@ def test_who_stays_alone_is_told_what_was_tried(memory_photos):
 
     (left_out,) = pipeline.left_out(recognition, (0, 1, 2))
     assert left_out.name == "view_3"
-    assert left_out.details[1].startswith("tried: sift at 0.12 MP, ")
-    assert "akaze" in left_out.details[1]
+    assert left_out.details[0].startswith("cause: different scene: ")
+    assert left_out.details[-1].startswith("tried: sift at 0.12 MP, ")
+    assert "akaze" in left_out.details[-1]
     retried = [data for event, data in heard if event == "matching.retried"]
     assert len(retried) == len(recognition.attempts[3]) - 1
     assert all(3 in (link.i, link.j) for data in retried for link in data["links"])

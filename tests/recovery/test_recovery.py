@@ -192,7 +192,8 @@ def test_an_unrelated_photo_is_left_out_and_named(small, elsewhere, noise):
     assert error_of(small, alignment).rms < SMALL_PX
     assert [photo.name for photo in alignment.left_out] == ["other_1", "noise"]
     assert all(photo.reason == "overlaps no other photo" for photo in alignment.left_out)
-    assert all("best partner" in photo.details[0] for photo in alignment.left_out)
+    assert all(photo.cause == "different scene" for photo in alignment.left_out)
+    assert all("best partner" in photo.details[1] for photo in alignment.left_out)
 
 
 def test_two_panoramas_in_one_heap(small, elsewhere, noise):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from panostitch.cli.options import every_stage, options_of, run_options
+from panostitch.cli.options import every_stage, inclusion_options, options_of, run_options
 
 if TYPE_CHECKING:
     from panostitch.jobs.batch import Outcome
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     "--format", "file_format", type=click.Choice(["jpg", "png", "tif", "webp"]), default="jpg", show_default=True
 )
 @every_stage
+@inclusion_options(exclude=False)
 @run_options
 def command(folder: str, output: str, file_format: str, **given: Any) -> int:
     """Make a panorama of every sub-folder of FOLDER, and of the photos in FOLDER itself.
@@ -30,12 +31,13 @@ def command(folder: str, output: str, file_format: str, **given: Any) -> int:
     is made all the same.
     """
     from panostitch.cli import report
-    from panostitch.cli.session import debug_trace, executor
+    from panostitch.cli.session import check_inclusion_options, debug_trace, executor
     from panostitch.errors import OutputError
     from panostitch.io.writers import check_depth
     from panostitch.jobs.batch import Setting, batch_exit_code, find_tasks, run_batch
 
     options = options_of(given)
+    check_inclusion_options(given)
     check_depth(f"panoramas.{file_format}", options.output.depth)
     tasks = find_tasks(folder)
     try:
@@ -53,11 +55,14 @@ def command(folder: str, output: str, file_format: str, **given: Any) -> int:
         if not given["quiet"]:
             report.say(f"{outcome.name}: {outcome.message or outcome.path} ({outcome.seconds:.1f} s)")
             for photo in outcome.left_out:
-                report.say(f"  left out: {photo.name}: {photo.reason}")
+                cause = f" ({photo.cause})" if photo.cause else ""
+                report.say(f"  left out: {photo.name}: {photo.reason}{cause}")
             for note in outcome.notes:
                 report.say(f"  note: {note}")
 
-    setting = Setting(output, f".{file_format}", given["overwrite"], options, executor(given), tracer)
+    setting = Setting(
+        output, f".{file_format}", given["overwrite"], options, executor(given), tracer, given["require_all"]
+    )
     outcomes = run_batch(tasks, setting, tell)
     if not given["quiet"]:
         report.say_table(
@@ -65,7 +70,7 @@ def command(folder: str, output: str, file_format: str, **given: Any) -> int:
         )
     if given["as_json"]:
         report.print_json([dataclasses.asdict(outcome) for outcome in outcomes])
-    return batch_exit_code(outcomes)
+    return batch_exit_code(outcomes, allow_partial=given["allow_partial"])
 
 
 def _row(outcome: "Outcome") -> tuple[str, ...]:

@@ -33,7 +33,7 @@ def command(photos: tuple[str, ...], output: str, **given: Any) -> int:
     from panostitch.io import writers
     from panostitch.jobs import compare
 
-    opened = open_given(photos)
+    opened, _ = open_given(photos, require_all=True)  # other programs would stumble over what cannot be read
     writers.check_output(output, overwrite=given["overwrite"], inputs=[photo.path for photo in opened])
     settings = {name: given[name] for name in ("threads", "debug_dir", "overwrite")}
     with tempfile.TemporaryDirectory(prefix="panostitch-compare-") as folder:

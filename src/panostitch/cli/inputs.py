@@ -1,5 +1,6 @@
 """What the user may name: files, folders, globs, @list.txt, - for a list on standard input."""
 
+import difflib
 import glob
 import os
 import sys
@@ -22,6 +23,24 @@ def photo_paths(arguments: Sequence[str]) -> list[str]:
     if not paths:
         raise UsageError(f"no photos in {', '.join(arguments)}" if arguments else "no photos given")
     return paths
+
+
+def without(paths: Sequence[str], names: Sequence[str]) -> list[str]:
+    """The paths but for those with these names, or these paths.
+
+    Raises UsageError for a name that none has, and where none is left.
+    """
+    known = {name for path in paths for name in (path, os.path.basename(path))}
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.0)
+            raise UsageError(
+                f"--exclude {name}: no photo has that name", hint=f"the nearest is {near[0]}" if near else ""
+            )
+    kept = [path for path in paths if not {path, os.path.basename(path)} & set(names)]
+    if not kept:
+        raise UsageError("--exclude leaves no photo", hint="a panorama needs two or more")
+    return kept
 
 
 def _expand(argument: str) -> Iterator[str]:

@@ -76,6 +76,26 @@ def run_options(command: Command) -> Command:
     return command
 
 
+def inclusion_options(*, exclude: bool = True) -> Callable[[Command], Command]:
+    """Decorate a command with what it does where not every photo is in the panorama."""
+
+    def decorate(command: Command) -> Command:
+        if exclude:
+            command = click.option(
+                "--exclude", multiple=True, metavar="NAME", help="Leave this photo out, by its file name; repeatable."
+            )(command)
+        command = click.option(
+            "--allow-partial",
+            is_flag=True,
+            help="Exit with 0 although photos were left out; they are named all the same.",
+        )(command)
+        return click.option("--require-all", is_flag=True, help="Write nothing unless every photo is in the panorama.")(
+            command
+        )
+
+    return decorate
+
+
 def options_of(given: dict[str, Any]) -> Options:
     """The Options among the parameters of a command; others are left where they are. Raises UsageError."""
     names = {f.name for part in dataclasses.fields(Options) for f in dataclasses.fields(part.default)}  # type: ignore[arg-type]

@@ -1,6 +1,7 @@
 """What is said on standard error, and as JSON on standard output."""
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -8,15 +9,19 @@ from typing import TYPE_CHECKING, Any
 from panostitch.cli.terminal import print_json as print_json
 from panostitch.cli.terminal import say as say
 from panostitch.cli.terminal import say_table as say_table
+from panostitch.diagnosis import advice
 from panostitch.errors import EXIT_LEFT_OUT, EXIT_OK
 from panostitch.io.forecast import Forecast
 from panostitch.model.alignment import Alignment, LeftOut, LinkSummary, LocalWarp
+from panostitch.model.inclusion import Inclusion, inclusion
 from panostitch.model.panorama import Panorama
-from panostitch.model.photo import Photo, natural_key
+from panostitch.model.photo import Photo
 from panostitch.runtime.memory import in_words
 
 if TYPE_CHECKING:
     from panostitch.io.writers import Written
+
+INCLUSION_HEAD = ("photo", "state", "area", "best partner", "reason")
 
 NOWHERE_NEAR = 1000.0  # px; from here on the figure says nothing more
 
@@ -40,6 +45,7 @@ def say_alignment(alignment: Alignment, *, verbose: int) -> None:
         _say_refuted(alignment)
     for left_out in alignment.left_out:
         _say_left_out(left_out)
+    _say_weak(alignment)
 
 
 def _gain(warp: LocalWarp) -> str:
@@ -102,6 +108,14 @@ def _say_left_out(photo: LeftOut) -> None:
         say(f"  next: {photo.hint}")
 
 
+def _say_weak(alignment: Alignment) -> None:
+    """Links that are all that holds the panorama together somewhere, and rest on little."""
+    for finding in alignment.findings:
+        if finding.weak:
+            say(f"weak link: {finding.photo} - {finding.partner}: {finding.cause}: {finding.evidence}")
+            say(f"  next: {finding.next}")
+
+
 def say_forecast(panorama: Panorama, path: str, expected: Forecast) -> None:
     """What is about to be written, in a line."""
     crop = panorama.plan.crop
@@ -142,11 +156,33 @@ def say_panorama(panorama: Panorama, path: str, written: "Written") -> None:
         say(f"note: {path}: {note}")
 
 
+def say_inclusion(alignment: Alignment, panorama: Panorama | None = None, *, verbose: int) -> None:
+    """What became of the photos: a line if all is well, else a row for each that is not simply used (or for all)."""
+    rows = inclusion(alignment, panorama)
+    odd = [row for row in rows if row.state != "used"]
+    counts = Counter(row.state for row in odd)
+    rest = "".join(f", {count} {state}" for state, count in counts.items())
+    say(f"photos: {len(rows) - len(odd)} of {len(rows)} used{rest}")
+    shown = rows if verbose else odd
+    if shown:
+        say_table(INCLUSION_HEAD, [_inclusion_row(row) for row in shown])
+    for line in advice(alignment, panorama):
+        say(f"advice: {line}")
+
+
+def _inclusion_row(row: Inclusion) -> tuple[str, ...]:
+    share = "-" if row.share is None else f"{row.share:.1%}"
+    partner = f"{row.partner} ({row.inliers} matches agree)" if row.partner else "-"
+    return row.name, row.state, share, partner, row.cause or row.reason or "-"
+
+
 def result(
     alignment: Alignment,
     panorama: Panorama | None = None,
     path: str = "",
     written: "Written | None" = None,
+    *,
+    allow_partial: bool = False,
 ) -> dict[str, Any]:
     """The result of a run for `--json`."""
     data = alignment.to_json()
@@ -166,32 +202,25 @@ def result(
             "fall_off": light.fall_off.tolist(),
             "exposure": light.reason,
         }
-    data["inclusion"] = _inclusion(alignment)
-    data["exit_code"] = exit_code(alignment)
+    data["inclusion"] = [_as_json(row) for row in inclusion(alignment, panorama)]
+    data["advice"] = advice(alignment, panorama)
+    data["exit_code"] = exit_code(alignment, allow_partial=allow_partial)
     return data
 
 
-def _inclusion(alignment: Alignment) -> list[dict[str, Any]]:
-    """Every photo: in or out, why, and the photo it has most in common with."""
-    reasons = {photo.name: photo.reason for photo in alignment.left_out}
-    names = [*(photo.name for photo in alignment.photos), *reasons]
-    rows = []
-    for name in sorted(names, key=natural_key):
-        own = [pair for pair in alignment.pairs if name in (pair.first, pair.second)]
-        best = max(own, key=lambda pair: (pair.inliers, pair.matches), default=None)
-        partner = None if best is None else best.second if best.first == name else best.first
-        rows.append(
-            {
-                "name": name,
-                "included": name not in reasons,
-                "reason": reasons.get(name, ""),
-                "best_partner": partner,
-                "best_partner_inliers": best.inliers if best else 0,
-            }
-        )
-    return rows
+def _as_json(row: Inclusion) -> dict[str, Any]:
+    return {
+        "name": row.name,
+        "included": row.included,
+        "state": row.state,
+        "reason": row.reason,
+        "cause": row.cause,
+        "best_partner": row.partner,
+        "best_partner_inliers": row.inliers,
+        "share": row.share,
+    }
 
 
-def exit_code(alignment: Alignment) -> int:
-    """0 where every photo is in, 3 where some are not."""
-    return EXIT_LEFT_OUT if alignment.left_out else EXIT_OK
+def exit_code(alignment: Alignment, *, allow_partial: bool = False) -> int:
+    """0 where every photo is in, or need not be; 3 where some are not."""
+    return EXIT_LEFT_OUT if alignment.left_out and not allow_partial else EXIT_OK

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from panostitch.errors import InputError, UsageError
 
 if TYPE_CHECKING:
+    from panostitch.model.alignment import LeftOut
     from panostitch.model.photo import Photo
     from panostitch.runtime.executor import Executor
     from panostitch.runtime.trace import Trace
@@ -37,13 +38,20 @@ def debug_trace(given: dict[str, Any]) -> Iterator["Trace"]:
         yield dump
 
 
-def open_given(arguments: tuple[str, ...]) -> "list[Photo]":
-    """The photos that the user named. Raises InputError for any that is none, UsageError for fewer than two."""
-    from panostitch.cli.inputs import photo_paths
-    from panostitch.io.readers import open_photos
+def open_given(
+    arguments: tuple[str, ...], *, exclude: tuple[str, ...] = (), require_all: bool = False
+) -> "tuple[list[Photo], list[LeftOut]]":
+    """The photos that the user named, and those of them that cannot be read.
 
-    photos, failures = open_photos(photo_paths(arguments))
-    if failures:
+    Raises InputError for a file that is missing, for any that cannot be read if all are required, and where fewer than
+    two can; UsageError for fewer than two, and for names to exclude that no photo has.
+    """
+    from panostitch.cli.inputs import photo_paths, without
+    from panostitch.io.readers import open_photos
+    from panostitch.model.alignment import LeftOut
+
+    photos, failures = open_photos(without(photo_paths(arguments), exclude))
+    if failures and (require_all or len(photos) < 2):
         first = failures[0]
         more = tuple(error.message for error in failures[1:])
         raise InputError(first.message, details=more, hint=first.hint or "leave it out, or repair it")
@@ -52,4 +60,10 @@ def open_given(arguments: tuple[str, ...]) -> "list[Photo]":
             f"{photos[0].name} is the only photo: a panorama needs two or more",
             hint="name the other photos too, or their folder",
         )
-    return photos
+    return photos, [LeftOut.unreadable(error) for error in failures]
+
+
+def check_inclusion_options(given: dict[str, Any]) -> None:
+    """Raise UsageError where all photos are required and some need not be there."""
+    if given["require_all"] and given["allow_partial"]:
+        raise UsageError("--require-all and --allow-partial contradict each other", hint="leave one of them out")

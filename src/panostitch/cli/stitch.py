@@ -4,7 +4,7 @@ from typing import Any
 
 import click
 
-from panostitch.cli.options import every_stage, options_of, run_options
+from panostitch.cli.options import every_stage, inclusion_options, options_of, run_options
 from panostitch.cli.writing import check_dry_run, write, write_options
 
 
@@ -15,20 +15,22 @@ from panostitch.cli.writing import check_dry_run, write, write_options
 @click.option("--pto", metavar="FILE.pto", default=None, help="Write cameras and panorama for Hugin as well.")
 @every_stage
 @write_options
+@inclusion_options()
 @run_options
 def command(photos: tuple[str, ...], output: str, save_project: str | None, pto: str | None, **given: Any) -> int:
     """Stitch PHOTOS (files, folders, globs, @list.txt, - for a list on standard input) into a panorama."""
     from panostitch import pipeline
     from panostitch.cli import report
-    from panostitch.cli.session import debug_trace, executor, open_given
+    from panostitch.cli.session import check_inclusion_options, debug_trace, executor, open_given
     from panostitch.compositing.view import look
     from panostitch.io import project, writers
     from panostitch.io import pto as hugin
 
     options, run = options_of(given), executor(given)
+    check_inclusion_options(given)
     check_dry_run({**given, "save_project": save_project, "pto": pto})
     writers.check_depth(output, options.output.depth)
-    opened = open_given(photos)
+    opened, unreadable = open_given(photos, exclude=given["exclude"], require_all=given["require_all"])
     inputs = [photo.path for photo in opened]
     writers.check_output(output, overwrite=given["overwrite"], inputs=inputs)
     if save_project:
@@ -38,7 +40,9 @@ def command(photos: tuple[str, ...], output: str, save_project: str | None, pto:
         hugin.check_photos(opened)
         hugin.check_projection(options.layout.projection)
     with debug_trace(given) as trace:
-        alignment = pipeline.align(opened, options, run=run, trace=trace)
+        alignment = pipeline.align(opened, options, unreadable=unreadable, run=run, trace=trace)
+        if given["require_all"]:
+            pipeline.check_all_in(alignment.left_out)
         if not given["quiet"]:
             report.say_alignment(alignment, verbose=given["verbose"])
         if save_project:
@@ -53,4 +57,4 @@ def command(photos: tuple[str, ...], output: str, save_project: str | None, pto:
             report.say(f"note: {pto}: {exactness}")
         if given["debug_dir"]:
             report.say(f"{given['debug_dir']}: a picture of every stage")
-    return report.exit_code(alignment)
+    return report.exit_code(alignment, allow_partial=given["allow_partial"])

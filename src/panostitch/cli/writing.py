@@ -60,9 +60,12 @@ def write(
         seconds = forecast.expected_seconds(panorama, output, options.output, threads=expected.threads)
         if not given["quiet"]:
             report.say_dry_run(alignment, panorama, output, expected, seconds)
+            report.say_inclusion(alignment, panorama, verbose=given["verbose"])
         if given["as_json"]:
             foreseen = {"memory": expected.memory, "threads": expected.threads, "seconds": seconds}
-            report.print_json(report.result(alignment, panorama) | {"forecast": foreseen})
+            report.print_json(
+                report.result(alignment, panorama, allow_partial=given["allow_partial"]) | {"forecast": foreseen}
+            )
         return
     if not given["quiet"]:
         report.say_forecast(panorama, output, expected)
@@ -82,5 +85,6 @@ def write(
         written = writers.write_panorama(panorama, output, options.output, run=run, trace=trace)
     if not given["quiet"]:
         report.say_panorama(panorama, output, written)
+        report.say_inclusion(alignment, panorama, verbose=given["verbose"])
     if given["as_json"]:
-        report.print_json(report.result(alignment, panorama, output, written))
+        report.print_json(report.result(alignment, panorama, output, written, allow_partial=given["allow_partial"]))

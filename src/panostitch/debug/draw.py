@@ -58,16 +58,22 @@ def features(photo: Picture, xy: Floats, scale: Floats, angle: Floats, response:
 
     xy (n, 2) px, scale (n,) px, angle (n,) radians, response (n,).
     """
-    picture = _dimmed(photo, 0.8)
-    for point in xy:
-        circle(picture, point, 2.2, BLACK, -1)
-        circle(picture, point, 1.5, SKY, -1)
+    picture = dots(_dimmed(photo, 0.8), xy)
     for k in np.argsort(-response, kind="stable")[:MOST_CIRCLES]:
         radius = max(3.0, float(scale[k]))
         tip = xy[k] + radius * np.array([np.cos(angle[k]), np.sin(angle[k])])
         for ink, thickness in ((BLACK, 3), (YELLOW, 1)):
             circle(picture, xy[k], radius, ink, thickness)
             path(picture, np.array([xy[k], tip]), ink, thickness)
+    return picture
+
+
+def dots(photo: Picture, xy: Floats) -> Picture:
+    """A photo with a dot at each of the points xy (n, 2) px."""
+    picture = photo.copy()
+    for point in xy:
+        circle(picture, point, 2.2, BLACK, -1)
+        circle(picture, point, 1.5, SKY, -1)
     return picture
 
 

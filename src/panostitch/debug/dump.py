@@ -23,6 +23,7 @@ EVENTS = (
     "matching.matched",
     "matching.linked",
     "matching.grouped",
+    "diagnosis.explained",
     "alignment.solved",
     "alignment.bent",
     "layout.chosen",

@@ -13,6 +13,7 @@ from panostitch.model.alignment import Alignment
 from panostitch.model.camera import Camera
 from panostitch.model.canvas import Canvas, Region
 from panostitch.model.features import Features
+from panostitch.model.finding import Finding
 from panostitch.model.light import Light
 from panostitch.model.match import Groups, Link, PutativeMatch, VerifiedMatch
 from panostitch.model.photo import Photo
@@ -67,6 +68,10 @@ class Metrics:
             self._photo(photos[index])["group"] = None
         self._parts["groups"] = [[photos[k].name for k in members] for members in groups.panoramas]
         self._parts["singles"] = [photos[k].name for k in groups.singles]
+
+    def diagnosis_explained(self, finding: Finding, **_: Any) -> None:
+        """Why a link failed, or is weak."""
+        self._parts.setdefault("findings", []).append(vars(finding))
 
     def alignment_solved(self, alignment: Alignment, residuals: Mapping[str, Any], **_: Any) -> None:
         """Cameras, how well they fit, and how they were found."""

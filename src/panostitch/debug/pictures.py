@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from panostitch.debug import diagram, draw, folder
 from panostitch.debug.filenames import FileNames
-from panostitch.debug.ink import LONGEST, Picture, captioned, fit, resized, to_bytes
+from panostitch.debug.ink import GREEN, LONGEST, VERMILLION, Picture, captioned, fit, resized, to_bytes
 from panostitch.debug.pairs import PairPictures
 from panostitch.geometry.sampling import rescale
 from panostitch.model.alignment import Alignment
 from panostitch.model.canvas import Canvas, Layer, Region
 from panostitch.model.features import Features
+from panostitch.model.finding import Finding
 from panostitch.model.light import Light
 from panostitch.model.match import Groups, Link, PutativeMatch, VerifiedMatch
 from panostitch.model.mesh import Mesh
@@ -132,6 +133,38 @@ class Pictures:
                 edges,
             ),
         )
+
+    def diagnosis_explained(
+        self,
+        photos: Sequence[Photo],
+        features: Sequence[Features],
+        matches: NDArray[np.int32],
+        agree: NDArray[np.bool_],
+        finding: Finding,
+        **_: Any,
+    ) -> None:
+        """Two photos that are not linked, or weakly: their key points, and the matches that agree and that do not."""
+
+        def picture() -> Picture:
+            pixels = [self._pixels.half(photo) for photo in photos]
+            ends = [
+                rescale(one.xy.astype(np.float64), np.array(p.shape[1::-1]) / photo.size)
+                for photo, one, p in zip(photos, features, pixels, strict=True)
+            ]
+            groups = [
+                draw.Lines(ends[0][chosen[:, 0]], ends[1][chosen[:, 1]], ink)
+                for chosen, ink in ((matches[~agree], VERMILLION), (matches[agree], GREEN))
+            ]
+            dotted = [draw.dots(p, xy) for p, xy in zip(pixels, ends, strict=True)]
+            numbers = f"{agree.sum()} of {len(matches)} matches agree (green)"
+            return captioned(
+                draw.matches(dotted[0], dotted[1], groups),
+                f"{photos[0].name} -- {photos[1].name}   {'weak link: ' if finding.weak else ''}{finding.cause}",
+                f"{finding.evidence}; {numbers}",
+            )
+
+        pair = "--".join(self._names.of(photo.name) for photo in photos)
+        self._save(f"{folder.LINKS}/why_{pair}.jpg", picture)
 
     def alignment_bent(self, alignment: Alignment, **_: Any) -> None:
         """Each photo that is bent, with its mesh."""

@@ -44,7 +44,7 @@ def estimate(src: Floats, dst: Floats, *, threshold: float, seed: int) -> tuple[
     if len(src) < MIN_POINTS:
         return None
     found, _ = cv2.findHomography(
-        np.ascontiguousarray(src, np.float64), np.ascontiguousarray(dst, np.float64), _usac(threshold, seed)
+        np.ascontiguousarray(src, np.float64), np.ascontiguousarray(dst, np.float64), usac(threshold, seed)
     )
     if found is None or not np.isfinite(found).all():
         return None
@@ -68,7 +68,8 @@ def normalised(homography: Floats, at: Floats) -> Floats:
     return np.asarray(homography / depth if abs(depth) > 1e-12 else homography)
 
 
-def _usac(threshold: float, seed: int) -> Any:
+def usac(threshold: float, seed: int) -> Any:
+    """What OpenCV's robust estimators take for MAGSAC++ with this threshold (px)."""
     params = cv2.UsacParams()
     params.score = cv2.SCORE_METHOD_MAGSAC
     params.threshold = threshold

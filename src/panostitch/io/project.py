@@ -23,6 +23,7 @@ from panostitch.model.alignment import (
     camera_from_json,
     control_points_from_json,
 )
+from panostitch.model.finding import Finding
 from panostitch.model.photo import Photo, Pixels
 
 EXTENSION = ".pano.json"
@@ -93,6 +94,7 @@ def _read(path: str, photo: Callable[[dict[str, Any], str], Photo]) -> Alignment
             uncertainties=tuple(Uncertainty(**entry) for entry in data["uncertainties"]),
             pairs=tuple(PairTried(**entry) for entry in data["pairs"]),
             local_warp=None if data["local_warp"] is None else LocalWarp(**data["local_warp"]),
+            findings=tuple(_finding(entry) for entry in data["findings"]),
         )
     except InputError:
         raise
@@ -102,7 +104,13 @@ def _read(path: str, photo: Callable[[dict[str, Any], str], Photo]) -> Alignment
 
 
 def _left_out(entry: dict[str, Any]) -> LeftOut:
-    return LeftOut(str(entry["name"]), str(entry["reason"]), tuple(map(str, entry["details"])), str(entry["hint"]))
+    name, reason, hint, cause = (str(entry[key]) for key in ("name", "reason", "hint", "cause"))
+    return LeftOut(name, reason, tuple(map(str, entry["details"])), hint, cause)
+
+
+def _finding(entry: dict[str, Any]) -> Finding:
+    words = {key: str(entry[key]) for key in ("photo", "partner", "cause", "evidence", "next", "culprit")}
+    return Finding(**words, overlap=_number(entry["overlap"]), weak=bool(entry["weak"]))
 
 
 def _links(entries: list[dict[str, Any]], count: int) -> tuple[LinkSummary, ...]:

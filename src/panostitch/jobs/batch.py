@@ -4,7 +4,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from panostitch import pipeline
@@ -57,6 +57,7 @@ class Setting:
     output:    folder for the panoramas
     extension: of their names, .jpg for example
     tracer:    from a panorama's name to a trace for it, closed when it is done
+    require_all: make no panorama of a folder of which photos are left over
     """
 
     output: str
@@ -65,6 +66,7 @@ class Setting:
     options: Options
     run: Executor
     tracer: Callable[[str], AbstractContextManager[Trace]]
+    require_all: bool = False
 
 
 def find_tasks(folder: str) -> list[Task]:
@@ -92,11 +94,12 @@ def run_batch(tasks: Sequence[Task], setting: Setting, tell: Callable[[Outcome],
     return outcomes
 
 
-def batch_exit_code(outcomes: Sequence[Outcome]) -> int:
-    """10 if any panorama failed, 3 if photos were left out of some, else 0."""
+def batch_exit_code(outcomes: Sequence[Outcome], *, allow_partial: bool = False) -> int:
+    """10 if any panorama failed, 3 if photos were left out of some and may not be, else 0."""
     if any(outcome.exit_code not in (EXIT_OK, EXIT_LEFT_OUT) for outcome in outcomes):
         return EXIT_BATCH_FAILED
-    return EXIT_LEFT_OUT if any(outcome.exit_code for outcome in outcomes) else EXIT_OK
+    partial = any(outcome.exit_code for outcome in outcomes) and not allow_partial
+    return EXIT_LEFT_OUT if partial else EXIT_OK
 
 
 def _panoramas(task: Task, setting: Setting) -> Iterator[Outcome]:
@@ -107,10 +110,14 @@ def _panoramas(task: Task, setting: Setting) -> Iterator[Outcome]:
             photos, failures = open_photos(task.photos)
             if failures and len(photos) < 2:
                 raise failures[0]
-            recognition = pipeline.recognise(photos, setting.options, run=setting.run, trace=trace)
-            recognition = replace(recognition, unreadable=(*map(_unreadable, failures), *recognition.unreadable))
+            unreadable = [LeftOut.unreadable(error) for error in failures]
+            recognition = pipeline.recognise(
+                photos, setting.options, unreadable=unreadable, run=setting.run, trace=trace
+            )
             if not recognition.groups.panoramas:
                 raise pipeline.no_overlap(recognition)
+            if setting.require_all:
+                pipeline.check_all_in(_in_no_panorama(recognition))
             yield _panorama(task, recognition, 0, setting, start, trace)
     except PanostitchError as error:
         yield _failed(task.name, task, error, start)
@@ -132,8 +139,7 @@ def _panorama(
         written = write_panorama(panorama, path, setting.options.output, run=setting.run, trace=trace)
     except PanostitchError as error:
         return _failed(name, task, error, start)
-    grouped = [photo for group in recognition.groups.panoramas for photo in group]
-    left_out = tuple(pipeline.left_out(recognition, grouped)) if number == 0 else ()
+    left_out = tuple(_in_no_panorama(recognition)) if number == 0 else ()
     return Outcome(
         name,
         given=len(task.photos),
@@ -148,10 +154,9 @@ def _panorama(
     )
 
 
+def _in_no_panorama(recognition: pipeline.Recognition) -> list[LeftOut]:
+    return pipeline.left_out(recognition, [photo for group in recognition.groups.panoramas for photo in group])
+
+
 def _failed(name: str, task: Task, error: PanostitchError, start: float) -> Outcome:
     return Outcome(name, len(task.photos), time.perf_counter() - start, error.exit_code, error.message)
-
-
-def _unreadable(error: InputError) -> LeftOut:
-    name, _, reason = error.message.partition(": ")
-    return LeftOut(os.path.basename(name), reason, hint=error.hint)

@@ -6,7 +6,6 @@ from functools import partial
 from panostitch.matching import brute_force, flann
 from panostitch.matching.cycles import drop_contradictions
 from panostitch.matching.groups import find_groups
-from panostitch.matching.left_out import explain_left_out
 from panostitch.matching.neighbours import Matcher
 from panostitch.matching.pairs import NO_FIRST_LOOK_UP_TO, choose_pairs, promising
 from panostitch.matching.preliminary import count_matches
@@ -26,7 +25,6 @@ __all__ = [
     "FLANN_PAYS_FROM",
     "MATCHERS",
     "drop_contradictions",
-    "explain_left_out",
     "find_groups",
     "improved",
     "link_photos",

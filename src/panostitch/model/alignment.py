@@ -1,11 +1,14 @@
 """The result of the align half: which photo sees which rays, and what was left out and why."""
 
+import os
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 
+from panostitch.errors import InputError
 from panostitch.model.camera import Camera
+from panostitch.model.finding import Finding
 from panostitch.model.match import ControlPoints
 from panostitch.model.mesh import mesh_from_json
 from panostitch.model.photo import Photo
@@ -13,17 +16,29 @@ from panostitch.model.photo import Photo
 Model = Literal["rotation", "similarity", "affine", "homography"]
 
 FORMAT = "panostitch alignment"
-FORMAT_VERSION = 3
+FORMAT_VERSION = 4
+
+UNREADABLE = "unreadable"  # the cause of photos that were left out because their pixels cannot be had
 
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A photo that is not in the panorama, with the reason and the evidence for the user."""
+    """A photo that is not in the panorama, with the reason and the evidence for the user.
+
+    cause: a name in `diagnosis.CAUSES`, or UNREADABLE; empty where nothing was found out, or need not be
+    """
 
     name: str
     reason: str
     details: tuple[str, ...] = ()
     hint: str = ""
+    cause: str = ""
+
+    @classmethod
+    def unreadable(cls, error: InputError, name: str = "") -> Self:
+        """A photo that cannot be read; the error begins with its path, of which the last part is its name."""
+        path, _, reason = error.message.partition(": ")
+        return cls(name or os.path.basename(path), reason or error.message, error.details, error.hint, UNREADABLE)
 
 
 @dataclass(frozen=True)
@@ -105,6 +120,7 @@ class Alignment:
               None where there were too few to hold any back
     uncertainties: of each camera; empty where they are not known
     pairs:    every pair of photos that was compared, those of photos that were left out included
+    findings: why links failed or are weak
     local_warp: what meshes gain; None where the cameras explain everything, or nobody asked
     """
 
@@ -123,6 +139,7 @@ class Alignment:
     uncertainties: tuple[Uncertainty, ...] = ()
     pairs: tuple[PairTried, ...] = ()
     local_warp: LocalWarp | None = None
+    findings: tuple[Finding, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The content of a project file; paths as the photos have them."""
@@ -159,6 +176,7 @@ class Alignment:
                 for points in self.control_points
             ],
             "pairs": [vars(pair) for pair in self.pairs],
+            "findings": [vars(finding) for finding in self.findings],
         }
 
 
