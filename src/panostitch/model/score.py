@@ -11,8 +11,6 @@ Floats = NDArray[np.float64]
 MEASURES = ("displacement", "colour", "structure", "ghost", "blur")
 # Of each measure, what can just be seen when one looks at the pixels: the unit of a place's fault.
 VISIBLE = {"displacement": 1.0, "colour": 2.0, "structure": 4.0, "ghost": 4.0, "blur": 0.5}
-# Px from which on a displacement is no worse for being larger: what it breaks shows in the structure, or it is in grass.
-BROKEN = 2.0
 
 
 @dataclass(frozen=True)
@@ -39,8 +37,13 @@ class Places:
 
     @property
     def fault(self) -> Floats:
-        """All measures together (n,), each in what can just be seen: 0 is perfect; NaN where nothing is known."""
-        measures = np.stack([np.minimum(self.displacement, BROKEN), *(getattr(self, name) for name in MEASURES[1:])])
+        """All measures together (n,), each in what can just be seen: 0 is perfect; NaN where nothing is known.
+
+        Of a displacement of more than that only the root counts: what it breaks shows in the structure, and in grass
+        nobody sees it.
+        """
+        moved = np.where(self.displacement > 1, np.sqrt(self.displacement), self.displacement)
+        measures = np.stack([moved, *(getattr(self, name) for name in MEASURES[1:])])
         shares = measures / np.array(list(VISIBLE.values()))[:, None]
         known = np.isfinite(shares).any(0)
         return np.where(known, np.sqrt(np.nansum(shares**2, axis=0)), np.nan)
@@ -48,7 +51,6 @@ class Places:
     def take(self, index: NDArray[np.integer[Any]] | NDArray[np.bool_]) -> "Places":
         """Those with these indices."""
         return Places(self.xy[index], *(getattr(self, name)[index] for name in MEASURES))
-
 
 
 @dataclass(frozen=True)

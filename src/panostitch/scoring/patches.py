@@ -1,14 +1,14 @@
 """Where a small patch of one picture lies in another, near where it should be, whatever the light.
 
-Normalised correlation at every shift (Lewis 1995), a parabola through its peak. Between two peaks that are as good as
+Normalised correlation at every shift of whole px (Lewis 1995), then a step of least squares. Between two peaks that are as good as
 equal the nearer one is believed: of a fence nobody knows which post is which.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
@@ -75,16 +75,57 @@ def find(
     sought = np.ones(len(centres), bool) if sought is None else sought
     usable = cv2.erode(covered.view(np.uint8), np.ones((SIDE, SIDE), np.uint8)) > 0
     found = [
-        _find_one(picture, other, usable, x, y, reach) if needed else LOST
+        _peaks(picture, other, usable, x, y, reach) if needed else LOST
         for (x, y), needed in zip(centres.tolist(), sought, strict=True)
     ]
-    shift, alike, other_shift, other_alike = (np.array(column, np.float64) for column in zip(*found, strict=True))
-    strength, contrast = weakest_gradient(picture)[tuple(centres.T[::-1])], variance(picture)[tuple(centres.T[::-1])]
-    unlike = np.maximum((1 - alike**2) * contrast, NOISE**2)
-    with np.errstate(divide="ignore"):
-        deviation = np.sqrt(unlike * INDEPENDENT / SIDE**2 / strength)
-    inside = np.abs(shift).max(1) < reach
-    return Found(shift, alike, np.where(inside, deviation, np.inf), other_shift, other_alike)
+    peak, other_peak, other_alike = (np.array(column, np.float64) for column in zip(*found, strict=True))
+    seen = np.isfinite(peak[:, 0])
+    peak = np.where(seen[:, None], peak, 0.0)
+    step, alike, deviation = _refined(picture, other, centres, peak.astype(int))
+    sound = (np.abs(step).max(1) <= 1) & (np.abs(peak).max(1) < reach)
+    return Found(
+        peak + np.where(sound[:, None], step, 0.0),
+        np.where(seen, alike, NOWHERE),
+        np.where(sound & seen, deviation, np.inf),
+        other_peak,
+        other_alike,
+    )
+
+
+def _refined(picture: Grey, other: Grey, centres: NDArray[np.intp], peak: NDArray[np.intp]) -> tuple[Floats, ...]:
+    """From whole px to parts of one: a step of Gauss-Newton over gain, offset and shift (Lucas & Kanade 1981).
+
+    Returns the step (n, 2) px, the correlation (n,) there, and the standard error (n,) px of the shift.
+    """
+    across, down = (cv2.Scharr(other, cv2.CV_32F, *which) / 32 for which in ((1, 0), (0, 1)))
+    own = _patches(picture, centres)
+    theirs, right, below = (_patches(grey, centres + peak) for grey in (other, across, down))
+    design = np.stack([theirs, right, below], axis=1).astype(np.float64)
+    normal = design @ design.transpose(0, 2, 1)
+    # noise has gradients too; without others there is nothing to go by, and the shift stays what it is
+    grain = SIDE**2 * NOISE**2 / 2 / SOFT**2
+    # none of these is weaker: an even patch of a drawing has no contrast at all
+    ridge = np.diag([1e-6, grain, grain])
+    product = (design @ own[..., None])[..., 0]
+    weights = np.linalg.solve(normal + ridge, product[..., None])[..., 0]
+    rest = own - (weights[:, None] @ design)[:, 0]
+    gain = weights[:, 0]
+    with np.errstate(all="ignore"):
+        explained = np.where(gain > 0, 1 - (rest**2).mean(1) / np.maximum((own**2).mean(1), 1e-9), 0.0)
+        step = np.where(gain[:, None] > 0, weights[:, 1:] / gain[:, None], 0.0)
+    known = normal[:, 1:, 1:]
+    middle, half = np.trace(known, axis1=1, axis2=2) / 2, (known[:, 0, 0] - known[:, 1, 1]) / 2
+    least = middle - np.hypot(half, known[:, 0, 1]) - grain
+    noise = np.maximum((rest**2).mean(1), NOISE**2) * INDEPENDENT
+    deviation = np.sqrt(noise / np.maximum(least, 1e-9)) / np.maximum(gain, 1e-3)
+    return step, np.sqrt(np.clip(explained, 0, 1)), deviation
+
+
+def _patches(grey: Grey, centres: NDArray[np.intp]) -> Floats:
+    """Patches (n, SIDE^2) around these centres (n, 2) px, each without its mean."""
+    x, y = (centres - HALF).T
+    cut = sliding_window_view(grey, (SIDE, SIDE))[y, x].reshape(len(centres), -1).astype(np.float64)
+    return np.asarray(cut - cut.mean(1, keepdims=True))
 
 
 def variance(grey: Grey) -> Floats:
@@ -94,20 +135,12 @@ def variance(grey: Grey) -> Floats:
     return np.asarray(np.maximum(cv2.boxFilter(wide * wide, -1, (SIDE, SIDE)) - mean * mean, 0))
 
 
-def weakest_gradient(grey: Grey) -> Floats:
-    """Mean square (h, w) of the gradient in each patch along the direction in which it changes least, beyond noise."""
-    across, down = (cv2.Scharr(grey, cv2.CV_64F, *which) / 32 for which in ((1, 0), (0, 1)))
-    aa, bb, ab = (cv2.boxFilter(product, -1, (SIDE, SIDE)) for product in (across**2, down**2, across * down))
-    least = (aa + bb) / 2 - np.hypot((aa - bb) / 2, ab)
-    return np.asarray(np.maximum(least - NOISE**2 / 2 / SOFT**2, 0))
+Peaks = tuple[tuple[float, float], tuple[float, float], float]
+LOST: Peaks = ((np.nan, np.nan), (0.0, 0.0), NOWHERE)
 
 
-Peak = tuple[tuple[float, float], float, tuple[float, float], float]
-LOST: Peak = ((0.0, 0.0), NOWHERE, (0.0, 0.0), NOWHERE)
-
-
-def _find_one(picture: Grey, other: Grey, usable: NDArray[np.bool_], x: int, y: int, reach: int) -> Peak:
-    """Shift and correlation of the best and of the second best place."""
+def _peaks(picture: Grey, other: Grey, usable: NDArray[np.bool_], x: int, y: int, reach: int) -> Peaks:
+    """Shift px of the best place; shift and correlation of the second best one."""
     can = usable[y - reach : y + reach + 1, x - reach : x + reach + 1]
     if not can[reach, reach]:
         return LOST
@@ -119,27 +152,12 @@ def _find_one(picture: Grey, other: Grey, usable: NDArray[np.bool_], x: int, y: 
     )
     alike = np.where(can & np.isfinite(alike), alike, NOWHERE)
     rows, columns = np.nonzero((alike == cv2.dilate(alike, AROUND)) & (alike > NOWHERE))
+    if not len(rows):
+        return (0.0, 0.0), (0.0, 0.0), NOWHERE
     heights = alike[rows, columns]
     good = np.flatnonzero(heights >= heights.max() - AS_GOOD)
     first = good[np.argmin(np.hypot(rows[good] - reach, columns[good] - reach))]
-    heights[first], top = NOWHERE, heights[first]
+    heights[first] = NOWHERE
     second = int(heights.argmax())
-    (shift, height), (other_shift, _) = (_peak(alike, rows[n], columns[n], reach) for n in (first, second))
-    return shift, max(height, float(top)), other_shift, float(heights[second])
-
-
-def _peak(alike: NDArray[Any], row: int, column: int, reach: int) -> tuple[tuple[float, float], float]:
-    """The top of the parabolas across and down through a peak, and its height."""
-    height = float(alike[row, column])
-    if not (0 < row < 2 * reach and 0 < column < 2 * reach):
-        return (float(column - reach), float(row - reach)), height
-    at, rise = [], 0.0
-    for before, behind in (
-        (alike[row, column - 1], alike[row, column + 1]),
-        (alike[row - 1, column], alike[row + 1, column]),
-    ):
-        bend = float(before + behind) - 2 * height
-        step = 0.0 if bend > -1e-9 or min(before, behind) <= NOWHERE else float(before - behind) / 2 / bend
-        at.append(min(max(step, -0.5), 0.5))
-        rise += -bend * step**2 / 2 if abs(step) <= 0.5 else 0.0
-    return (column - reach + at[0], row - reach + at[1]), min(1.0, height + rise)
+    one, two = ((float(columns[n] - reach), float(rows[n] - reach)) for n in (first, second))
+    return one, two, float(heights[second])

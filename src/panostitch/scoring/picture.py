@@ -71,7 +71,10 @@ def _judge_tile(
     if not layers:
         return joined([])
     common = region & whole
-    pixels, covered = np.zeros((region.height, region.width, 3), np.float32), np.zeros((region.height, region.width), bool)
+    pixels, covered = (
+        np.zeros((region.height, region.width, 3), np.float32),
+        np.zeros((region.height, region.width), bool),
+    )
     inside = common.within(region)
     pixels[inside], covered[inside] = rgb[common.within(whole)], mask[common.within(whole)]
     return judge_tile(Layer(region, pixels, covered), layers)

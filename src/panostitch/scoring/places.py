@@ -216,7 +216,10 @@ def _patch(grey: Grey, x: float, y: float) -> Floats:
 
 
 def _by_two(patch: Floats, others: Sequence[Floats]) -> float:
-    """Share of the patch that the best sum of two of the others explains beyond the best one of them."""
+    """Share of the patch that a sum of two of the others explains beyond the best one, as far as nothing is left then.
+
+    Where one ends and the other begins their sum explains a part as well, but leaves much.
+    """
     if len(others) < 2:
         return 0.0
     stack = np.stack(others)
@@ -228,4 +231,6 @@ def _by_two(patch: Floats, others: Sequence[Floats]) -> float:
     if not real.any():
         return 0.0
     both = ((p**2 + q**2 - 2 * p * q * c) / (1 - np.minimum(c, TOO_ALIKE) ** 2))[real].max()
-    return float(max(0.0, min(both, 1.0) - max(a.max(), 0.0) ** 2))
+    alone = max(float(a.max()), 0.0) ** 2
+    more = max(0.0, min(float(both), 1.0) - alone)
+    return more**2 / max(1 - alone, 1e-9)

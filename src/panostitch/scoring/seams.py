@@ -120,14 +120,14 @@ def _seams_in(panorama: Panorama, tile: Region) -> dict[Pair, tuple[Floats, floa
         pairs = np.sort(np.column_stack([one[rows, columns], other[rows, columns]]), axis=1)
         for pair in np.unique(pairs, axis=0):
             found.setdefault((int(pair[0]), int(pair[1])), []).append(points[(pairs == pair).all(1)])
-    return {pair: (points, _length(points, tile, factor)) for pair, parts in found.items() for points in [np.vstack(parts)]}
+    return {
+        pair: (points, _length(points, tile, factor)) for pair, parts in found.items() for points in [np.vstack(parts)]
+    }
 
 
 def _length(points: Floats, tile: Region, factor: int) -> float:
     """Length px of the seam through these borders of px, in a tile: a slanted one has more borders than it is long."""
-    inside = points[
-        (points >= [tile.x, tile.y]).all(1) & (points < [tile.right, tile.bottom]).all(1)
-    ]
+    inside = points[(points >= [tile.x, tile.y]).all(1) & (points < [tile.right, tile.bottom]).all(1)]
     return float(len(inside) * factor * np.pi / 4)
 
 
