@@ -3,12 +3,12 @@
 import cv2
 import numpy as np
 import pytest
-from scoring.planted import CAMERAS, LINE, WIDE, cut, ghost, perfect, photos, tinted
 
 from panostitch.model.photo import Photo
 from panostitch.scoring import judge, summary
 from panostitch.scoring.register import register
 from panostitch.synthetic.render import ArraySource
+from scoring.planted import CAMERAS, LINE, WIDE, cut, ghost, perfect, photos, tinted
 
 MAP_ERROR = 0.5  # px, 95 %, of where a photo is found in the picture; observed 0.2
 LITTLE = 0.35  # of a perfect picture's total; observed 0.2

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from scoring.planted import LINE, blurred, cut, ghost, perfect, tinted
 
 from panostitch.model.canvas import Layer, Region
 from panostitch.scoring.places import MARGIN, REACH, judge_tile
 from panostitch.scoring.summary import summary
+from scoring.planted import LINE, blurred, cut, ghost, perfect, tinted
 
 SHIFTS = (0.5, 1.0, 2.0, 4.0, 8.0)  # px
 LITTLE_SHIFT = 0.1  # px, 95 %, of a perfect picture; observed 0.03
@@ -108,15 +108,25 @@ def test_an_edge_says_nothing_of_displacement_but_its_break_is_seen():
     assert np.nanmax(split.structure) > 10  # grey levels, of an edge of 100
 
 
-def test_what_one_photo_alone_shows_is_not_judged(picture, photos):
+def test_what_one_photo_alone_shows_has_no_faults(picture, photos):
     left = np.zeros(picture.shape[:2], bool)
     left[:, :LINE] = True
-    places = judge_tile(layer(picture), [photos[0], layer(photos[1].pixels, left)])
-    assert 0 < len(places)
-    assert places.xy[:, 0].max() < LINE
+    places = judge_tile(layer(cut(picture, 4.0)), [photos[0], layer(photos[1].pixels, left)])
+    alone = places.xy[:, 0] > LINE + MARGIN
+    assert alone.any()
+    assert not places.fault[alone].any()
+    assert places.fault[~alone].any()
 
 
-def test_a_seam_between_photos_that_agree_is_perfect(picture, photos):
+def test_nobody_judges_by_one_photo_that_shows_something_else(picture):
+    nothing = layer(picture, np.zeros(picture.shape[:2], bool))
+    stranger = layer(np.roll(picture, 150, axis=1))
+    fitting, other = (judge_tile(layer(picture), [photo, nothing]) for photo in (layer(picture), stranger))
+    assert len(other) < len(fitting)
+    assert not other.fault.any()
+
+
+def test_a_seam_between_photos_that_agree_is_perfect(photos):
     """Each half as another photo has it: nothing is displaced, and no structure breaks."""
     joined = np.hstack([photos[0].pixels[:, :LINE], photos[1].pixels[:, LINE:] / GAINS[1]])
     assert scored(joined, photos).total < 2 * LITTLE

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scoring.planted import perfect
 
 from compositing.mosaics import alignment_of, panorama_of, shifted
 from panostitch.model.match import ControlPoints
 from panostitch.options import CompositingOptions, LayoutOptions
 from panostitch.runtime.executor import Executor
 from panostitch.scoring import score_seams
+from scoring.planted import perfect
 
 SIZE = (320, 280)
 STEP = 220  # px between the pictures

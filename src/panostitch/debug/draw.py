@@ -133,9 +133,9 @@ def seams(labels: NDArray[np.int16], pixels: NDArray[Any]) -> Picture:
 
 
 def faults(panorama: Picture, places: Places, shown: Region) -> Picture:
-    """A panorama (h, w, 3), which shows this region of the canvas, grey, with what is wrong in colour: blue to yellow."""
-    small = fit(panorama)
-    picture = _dimmed(cv2.cvtColor(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), cv2.COLOR_GRAY2RGB), FAINT)
+    """A panorama (h, w, 3) of this region of the canvas, grey, and what is wrong in colour, from blue to yellow."""
+    grey = cv2.cvtColor(to_bytes(fit(panorama)), cv2.COLOR_RGB2GRAY)
+    picture = _dimmed(np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB), np.uint8), FAINT)
     scale = picture.shape[1] / shown.width
     known = np.isfinite(places.fault)
     xy = rescale(places.xy[known] - [shown.x, shown.y], scale)

@@ -1,7 +1,7 @@
 """Where a small patch of one picture lies in another, near where it should be, whatever the light.
 
-Normalised correlation at every shift of whole px (Lewis 1995), then a step of least squares. Between two peaks that are as good as
-equal the nearer one is believed: of a fence nobody knows which post is which.
+Normalised correlation at every shift of whole px (Lewis 1995), then a step of least squares. Between two peaks that are
+as good as equal the nearer one is believed: of a fence nobody knows which post is which.
 """
 
 from dataclasses import dataclass
@@ -97,7 +97,7 @@ def _refined(picture: Grey, other: Grey, centres: NDArray[np.intp], peak: NDArra
 
     Returns the step (n, 2) px, the correlation (n,) there, and the standard error (n,) px of the shift.
     """
-    across, down = (cv2.Scharr(other, cv2.CV_32F, *which) / 32 for which in ((1, 0), (0, 1)))
+    across, down = (np.asarray(cv2.Scharr(other, cv2.CV_32F, *which) / 32, np.float32) for which in ((1, 0), (0, 1)))
     own = _patches(picture, centres)
     theirs, right, below = (_patches(grey, centres + peak) for grey in (other, across, down))
     design = np.stack([theirs, right, below], axis=1).astype(np.float64)

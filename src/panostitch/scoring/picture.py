@@ -28,11 +28,11 @@ KEPT = 1 << 30  # bytes of decoded photos
 def judge(picture: Pixels, photos: Sequence[Photo], *, run: Executor = serial) -> Places:
     """What is wrong at the places of a picture (h, w, 3) RGB, or (h, w, 4) where alpha says where it is empty.
 
-    Only what two photos show counts: elsewhere there is no seam, and nothing to do wrong. Measured in px of the photos,
-    however large the picture is; places lie on the picture as it is.
+    What one photo alone shows has no seam and no faults. Measured in px of the photos, however large the picture is;
+    places lie on the picture as it is.
     """
-    rgb = np.ascontiguousarray(picture[..., :3])
-    mask = picture[..., 3] > 254 if picture.shape[2] == 4 else rgb.any(-1)
+    rgb: Pixels = np.ascontiguousarray(picture[..., :3])
+    mask = np.asarray(picture[..., 3] > 254 if picture.shape[2] == 4 else rgb.any(-1))
     maps = register(rgb, photos)
     if not maps:
         return joined([])

@@ -7,6 +7,7 @@ its seams are. Each place is a patch (see `patches`) between its neighbours on a
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -71,7 +72,10 @@ def judge_tile(picture: Layer, photos: Sequence[Layer], where: Booleans | None =
     sought = cv2.dilate(wanted.astype(np.uint8), CROSS) > 0
     seen = [_look(grey, soft, layer, centres, sought) for soft, layer in zip(softs, photos, strict=True)]
     inside = wanted & (cv2.erode(picture.mask.view(np.uint8), np.ones((SIDE + 2 * STEP,) * 2))[y, x] > 0)
-    inside &= sum((photo.found.alike > patches.NOWHERE).reshape(x.shape).astype(int) for photo in seen) >= 2
+    alike = np.stack([photo.found.alike.reshape(x.shape) for photo in seen])
+    showing = (alike > patches.NOWHERE).sum(0)
+    # one photo alone: there is no seam; or it is not the photo that this comes from, and nobody can tell
+    alone = (showing == 1) & ((alike.max(0) >= ALIKE) | (contrast < FLAT))
     structure = _structure(contrast, seen)
     measures = (
         _displacement(seen),
@@ -80,9 +84,11 @@ def judge_tile(picture: Layer, photos: Sequence[Layer], where: Booleans | None =
         _ghost(grey, softs, centres, contrast, structure, seen),
         _blur(colour, sharp, seen),
     )
-    inner = inside[1:-1, 1:-1]
+    flawless = (np.nan, np.nan, 0.0, 0.0, np.nan)
+    inner = (inside & (alone | (showing > 1)))[1:-1, 1:-1]
     xy = np.stack([x + picture.region.x, y + picture.region.y], axis=-1)[1:-1, 1:-1]
-    return Places(xy[inner].astype(np.float64), *(measure[1:-1, 1:-1][inner] for measure in measures))
+    stated = (np.where(alone, none, measure) for none, measure in zip(flawless, measures, strict=True))
+    return Places(xy[inner].astype(np.float64), *(values[1:-1, 1:-1][inner] for values in stated))
 
 
 def _look(grey: Grey, soft: Grey, layer: Layer, centres: Indices, sought: Booleans) -> _Seen:
@@ -108,7 +114,8 @@ def _colours(layer: Layer) -> Floats:
 def _sharpness(pixels: NDArray[np.float32]) -> Floats:
     """Contrast (h, w) from one px to the next in the patch around each pixel, beyond that of noise."""
     grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
-    square = sum(np.diff(grey, axis=axis, append=0) ** 2 for axis in (0, 1))
+    across, down = (np.diff(grey, axis=axis, append=0) for axis in (1, 0))
+    square = np.asarray(across**2 + down**2, np.float32)
     return np.asarray(np.sqrt(np.maximum(cv2.boxFilter(square, cv2.CV_64F, (SIDE, SIDE)), 0)))
 
 
@@ -121,12 +128,12 @@ def _sides(grid: Floats) -> list[tuple[Floats, Floats]]:
 
 def _most(values: Sequence[Floats]) -> Floats:
     """The largest (h, w), of what is known."""
-    return np.fmax.reduce(list(values))
+    return np.asarray(np.fmax.reduce(list(values)))
 
 
 def _least(values: Sequence[Floats], shape: tuple[int, ...]) -> Floats:
     """The smallest (h, w), of what is known; NaN where nothing is."""
-    return np.fmin.reduce([np.full(shape, np.nan), *values])
+    return np.asarray(np.fmin.reduce([np.full(shape, np.nan), *values]))
 
 
 def _displacement(seen: Sequence[_Seen]) -> Floats:
@@ -163,7 +170,8 @@ def _ciede(one: Floats, other: Floats) -> Floats:
     known = np.isfinite(one).all(-1) & np.isfinite(other).all(-1)
     found = np.full(known.shape, np.nan)
     if known.any():
-        found[known] = deltaE_ciede2000(rgb2lab(one[known] / 255), rgb2lab(other[known] / 255))
+        ciede2000: Any = deltaE_ciede2000  # has no types
+        found[known] = ciede2000(rgb2lab(one[known] / 255), rgb2lab(other[known] / 255))
     return found
 
 

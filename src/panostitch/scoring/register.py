@@ -174,12 +174,12 @@ def _fitted(photo_from_picture: Floats, here: Floats, there: Floats, size: tuple
     weight = np.ones(len(here))
     for _ in range(ROUNDS):
         root = np.sqrt(weight)[:, None]
-        terms = np.linalg.lstsq(design * root, wanted * root, rcond=None)[0]
+        terms = np.asarray(np.linalg.lstsq(design * root, wanted * root, rcond=None)[0], np.float64)
         off = np.hypot(*(wanted - design @ terms).T)
         width = max(TIGHT, 1.5 * float(np.median(off)))
         weight = 1 / (1 + (off / width) ** 2)
     near = here[off <= 4 * width].astype(np.float32)
-    return SmoothMap(photo_from_picture, terms, size, cv2.convexHull(near)[:, 0].astype(np.float64))
+    return SmoothMap(photo_from_picture, terms, size, np.asarray(cv2.convexHull(near)[:, 0], np.float64))
 
 
 def _refined(rough: SmoothMap, picture: Pixels, photo: Photo) -> SmoothMap | None:
@@ -207,7 +207,7 @@ def _measured(
     if not len(centres):
         return np.zeros((0, 2)), np.zeros((0, 2))
     found = patches.find(patches.softened(own), patches.softened(layer.pixels), layer.mask, centres, REACH)
-    return centres[found.known] + np.array([place.x, place.y], np.float64), found.shift[found.known]
+    return np.asarray(centres[found.known] + [place.x, place.y], np.float64), found.shift[found.known]
 
 
 def seen_in(known: SmoothMap, raster: tuple[Pixels, Pixels | None], region: Region) -> Layer:
@@ -220,11 +220,12 @@ def seen_in(known: SmoothMap, raster: tuple[Pixels, Pixels | None], region: Regi
     # the map from pixels to the grid: node 1 is the region's first pixel
     across, down = np.meshgrid(np.arange(region.width) / GRID + 1, np.arange(region.height) / GRID + 1)
     at = cv2.remap(nodes, across.astype(np.float32), down.astype(np.float32), cv2.INTER_LINEAR)
-    pixels = cv2.remap(raster[0], at, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    there_x, there_y = at[..., 0], at[..., 1]
+    pixels = cv2.remap(raster[0], there_x, there_y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
     width, height = raster[0].shape[1::-1]
     mask = (at >= 0).all(-1) & (at <= np.array([width - 1, height - 1])).all(-1) & _near_hull(known, region)
     if raster[1] is not None:
-        mask &= cv2.remap(raster[1], at, None, cv2.INTER_LINEAR) > 254
+        mask &= cv2.remap(raster[1], there_x, there_y, cv2.INTER_LINEAR) > 254
     return Layer(region, pixels.astype(np.float32), mask)
 
 

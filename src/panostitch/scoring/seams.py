@@ -1,10 +1,9 @@
-"""The judge of our own panorama, seam by seam: the layers of both photos are at hand, and only the seams are looked at.
+"""The judge of our own panorama, seam by seam: all photos' layers are at hand, and only the seams are looked at.
 
-Places that hold a control point which the cameras were fitted to say nothing of the displacement: it has been made small
-there.
+Places that hold a control point which the cameras were fitted to say nothing of the displacement: it has been made
+small there.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -50,8 +49,8 @@ def score_seams(
     parts: dict[Pair, list[Places]] = {}
     lengths: dict[Pair, float] = {}
     for found in run.map(work, tiles, label="Judging seams"):
-        for pair, places, length in found:
-            parts.setdefault(pair, []).append(places)
+        for pair, along, length in found:
+            parts.setdefault(pair, []).append(along)
             lengths[pair] = lengths.get(pair, 0.0) + length
     places = {pair: joined(parts[pair]) for pair in sorted(parts)}
     names = [photo.name for photo in alignment.photos]

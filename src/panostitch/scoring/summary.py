@@ -19,10 +19,13 @@ def summary(places: Places) -> Score:
     fault = places.fault
     displacement = places.displacement[np.isfinite(places.displacement)]
     return Score(
-        _rms(fault),
-        float(np.median(displacement)) if len(displacement) else None,
-        float(np.quantile(displacement, 0.95)) if len(displacement) else None,
-        *(_rms(getattr(places, name)) for name in MEASURES[1:]),
+        total=_rms(fault),
+        displacement=float(np.median(displacement)) if len(displacement) else None,
+        displacement_p95=float(np.quantile(displacement, 0.95)) if len(displacement) else None,
+        colour=_rms(places.colour),
+        structure=_rms(places.structure),
+        ghost=_rms(places.ghost),
+        blur=_rms(places.blur),
         places=len(places),
         known=len(displacement) / max(1, len(places)),
         worst=worst_of(places),
