@@ -139,13 +139,20 @@ def run_hugin(photos: Sequence[Photo], folder: str | Path, *, threads: int = 1) 
 
 
 def stitch_hugin(folder: str | Path, project: str = PLAIN) -> NDArray[np.uint8]:
-    """The panorama (h, w, 4) RGBA that Hugin makes in the folder where it has aligned photos. Raises HuginError."""
+    """The panorama (h, w, 4) RGBA that Hugin makes in the folder where it has aligned photos, without empty borders.
+
+    Raises HuginError.
+    """
     home = Path(folder)
-    _run(["pano_modify", "--fov=AUTO", "--canvas=AUTO", "-o", CANVAS, project], home, CANVAS)
+    _run(["pano_modify", "--center", "--fov=AUTO", "--canvas=AUTO", "-o", CANVAS, project], home, CANVAS)
     prefix = PANORAMA.removesuffix(".tif")
     _run(["hugin_executor", "--stitching", f"--prefix={prefix}", CANVAS], home, PANORAMA)
     with Image.open(home / PANORAMA) as picture:
-        return np.asarray(picture.convert("RGBA"), np.uint8)
+        pixels = np.asarray(picture.convert("RGBA"), np.uint8)
+    rows, columns = (np.flatnonzero((pixels[..., 3] > 0).any(axis)) for axis in (1, 0))
+    if not len(rows):
+        raise HuginError("enblend left an empty picture")
+    return np.ascontiguousarray(pixels[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1])
 
 
 def _commands(names: Sequence[str], *, known: bool, threads: int) -> list[list[str]]:

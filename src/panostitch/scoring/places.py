@@ -70,12 +70,13 @@ def judge_tile(picture: Layer, photos: Sequence[Layer], where: Booleans | None =
     colour, sharp = _colours(picture)[y, x], _sharpness(picture.pixels)[y, x]
     softs = [patches.softened(layer.pixels) for layer in photos]
     sought = cv2.dilate(wanted.astype(np.uint8), CROSS) > 0
-    seen = [_look(grey, soft, layer, centres, sought) for soft, layer in zip(softs, photos, strict=True)]
+    flat = contrast < FLAT
+    seen = [_look(grey, soft, layer, centres, sought, flat) for soft, layer in zip(softs, photos, strict=True)]
     inside = wanted & (cv2.erode(picture.mask.view(np.uint8), np.ones((SIDE + 2 * STEP,) * 2))[y, x] > 0)
     alike = np.stack([photo.found.alike.reshape(x.shape) for photo in seen])
     showing = (alike > patches.NOWHERE).sum(0)
     # one photo alone: there is no seam; or it is not the photo that this comes from, and nobody can tell
-    alone = (showing == 1) & ((alike.max(0) >= ALIKE) | (contrast < FLAT))
+    alone = (showing == 1) & ((alike.max(0) >= ALIKE) | flat)
     structure = _structure(contrast, seen)
     measures = (
         _displacement(seen),
@@ -91,10 +92,11 @@ def judge_tile(picture: Layer, photos: Sequence[Layer], where: Booleans | None =
     return Places(xy[inner].astype(np.float64), *(values[1:-1, 1:-1][inner] for values in stated))
 
 
-def _look(grey: Grey, soft: Grey, layer: Layer, centres: Indices, sought: Booleans) -> _Seen:
+def _look(grey: Grey, soft: Grey, layer: Layer, centres: Indices, sought: Booleans, flat: Booleans) -> _Seen:
     found = patches.find(grey, soft, layer.mask, centres, REACH, sought.ravel())
     shape = sought.shape
-    at = centres + np.rint(found.shift).astype(int)
+    # a flat patch is found anywhere, by its noise; it is where it should be
+    at = centres + np.where(flat.ravel()[:, None], 0, np.rint(found.shift).astype(int))
     there = at[:, 1], at[:, 0]
     return _Seen(
         found,
