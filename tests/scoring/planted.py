@@ -14,7 +14,7 @@ EXPOSURES = [0.0, 0.3]  # EV
 
 SCENE = sphere_scene(procedural_texture(2048, 1024, seed=3))
 CAMERAS = rig(np.deg2rad([-11, 11]), np.deg2rad([1.0, -1.0]), np.deg2rad([1.0, -1.0]), size=(400, 320), focal=380)
-(WIDE,) = rig(0.0, size=(560, 280), focal=375)
+(WIDE,) = rig(0.0, size=(528, 200), focal=375)
 LINE = 264  # px, a column in the middle of what both photos show
 
 

@@ -12,8 +12,8 @@ from panostitch.runtime.executor import Executor
 from panostitch.scoring import score_seams
 from scoring.planted import perfect
 
-SIZE = (320, 280)
-STEP = 220  # px between the pictures
+SIZE = (320, 200)
+STEP = 200  # px between the pictures
 LITTLE = 0.2  # of a perfect seam's total; observed 0.05
 SHIFTS = (0.0, 1.0, 2.0, 4.0)  # px by which a camera is wrong
 
@@ -23,8 +23,8 @@ def mosaic(wrong=0.0, tint=0.0, noise=1.0):
     rng = np.random.default_rng(4)
     whole = perfect().astype(np.float64)
     pieces = [
-        whole[:, :320] + rng.normal(0, noise, (280, 320, 3)),
-        whole[:, 220:540] + rng.normal(0, noise, (280, 320, 3)),
+        whole[:, :320] + rng.normal(0, noise, (200, 320, 3)),
+        whole[:, 200:520] + rng.normal(0, noise, (200, 320, 3)),
     ]
     pieces[1] *= [1 + tint, 1, 1 - tint]
     cameras = [shifted(SIZE, 0, 0), shifted(SIZE, STEP + 0.6 * wrong, 0.8 * wrong)]
@@ -52,20 +52,14 @@ def test_larger_shifts_score_higher_and_are_measured():
     assert scores[-1].displacement_p95 == pytest.approx(SHIFTS[-1], abs=0.4)
 
 
-def test_a_step_of_colour_scores_by_its_size_and_blending_hides_it():
+def test_a_step_of_colour_scores_by_its_size():
     hard = [seams_of(mosaic(tint=tint), blender="none")[0].score for tint in (0.0, 0.05, 0.15)]
     assert [s.colour for s in hard] == sorted(s.colour for s in hard)
-    soft = seams_of(mosaic(tint=0.15), blender="multiband")[0].score
-    assert soft.colour < hard[-1].colour / 2
-
-
-def test_feathering_what_is_displaced_makes_ghosts():
-    feathered, cut = (seams_of(mosaic(6.0), blender=blender)[0].score for blender in ("feather", "none"))
-    assert feathered.ghost > cut.ghost
+    assert hard[-1].colour > 3 * hard[0].colour
 
 
 def test_control_points_that_were_fitted_say_nothing():
-    x, y = np.meshgrid(np.arange(230.0, 320.0, 6.0), np.arange(0.0, 280.0, 6.0))
+    x, y = np.meshgrid(np.arange(210.0, 320.0, 6.0), np.arange(0.0, 200.0, 6.0))
     there = np.column_stack([x.ravel(), y.ravel()])
     fitted = ControlPoints(0, 1, there, there - [STEP, 0])
     (seam,) = seams_of(replace(mosaic(4.0), control_points=(fitted,)))

@@ -29,6 +29,7 @@ MARGIN = HALF + REACH + STEP  # px of picture that a place needs around it
 FLAT = 2 * NOISE  # grey levels, contrast of a patch below which any flat patch is like it
 DARK, BRIGHT = 8.0, 247.0  # grey levels beyond which a channel says nothing of the light
 LIT = 0.9  # share of a patch that must lie between
+CALM = 20.0  # grey levels, contrast of a patch up to which a step beside it would be seen
 EVEN = 8.0  # CIEDE2000 between the two sides of a place in a photo, up to which a step there would be seen
 SHARP_FROM = 3.0  # grey levels, contrast from one px to the next of a photo that has sharpness to lose
 VERY_ALIKE = 0.95  # correlation from which on the same thing is sharp or blurred
@@ -158,7 +159,7 @@ def _colour_step(colour: Floats, contrast: Floats, seen: Sequence[_Seen]) -> Flo
     shape = contrast.shape
     for photo in seen:
         alike = photo.found.alike.reshape(shape)
-        usable = (alike >= ALIKE) | ((contrast < FLAT) & (alike > patches.NOWHERE))
+        usable = ((alike >= ALIKE) & (contrast < CALM)) | ((contrast < FLAT) & (alike > patches.NOWHERE))
         theirs = np.where(usable[..., None], photo.colour, np.nan)
         for k, ((one, other), (their_one, their_other)) in enumerate(zip(_sides(colour), _sides(theirs), strict=True)):
             # the other side in the light of the one: were the light even, it would not change
