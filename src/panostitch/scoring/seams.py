@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from panostitch.compositing.compose import INTERPOLATION
 from panostitch.compositing.light import expose, factors
-from panostitch.compositing.warp import Decoded, decoded_photos, misses, read_for, warp
+from panostitch.compositing.warp import Decoded, blocks, decoded_photos, read_for, sample
 from panostitch.model.alignment import Alignment
 from panostitch.model.canvas import Canvas, Layer, Region
 from panostitch.model.panorama import NOBODY, Panorama
@@ -43,7 +43,7 @@ def score_seams(
     alignment = panorama.alignment
     assert alignment, "a panorama of photos that nobody knows"
     tiles = [tile for tile in panorama.plan.crop.tiles(TILE) if len(_labels_near(panorama, tile)) > 1]
-    decoded = decoded_photos(panorama.kept)
+    decoded = decoded_photos(panorama.kept(tiles))
     fitted = _fitted_points(alignment, panorama.canvas)
     work = partial(_judge, panorama, options, decoded, fitted)
     parts: dict[Pair, list[Places]] = {}
@@ -86,7 +86,7 @@ def _judge(
         return []
     seen = partial(_seen, alignment, panorama, options, decoded, region)
     numbers = sorted({n for pair in seams for n in pair})
-    layers = [seen(n) for n in numbers if not misses(alignment.cameras[n], canvas, region)]
+    layers = [seen(n) for n in numbers if not blocks(alignment.cameras[n], canvas, region).misses]
     picture = panorama.read(region)
     pixels = np.clip(np.rint(picture.pixels), 0, 255)
     places = judge_tile(Layer(region, pixels, picture.mask), layers, _about(region, seams))
@@ -100,9 +100,9 @@ def _seen(
     """A photo as it lies in a region of the canvas, in the panorama's light."""
     canvas = panorama.canvas
     raster, camera = decoded.get(photo, partial(read_for, alignment.photos[photo], alignment.cameras[photo], canvas))
-    layer = warp(raster, camera, canvas, region, interpolation=INTERPOLATION[options.interpolation])
-    light = factors(panorama.plan.light, photo, camera, canvas, region)
-    return Layer(region, expose(layer.pixels, light), layer.mask)
+    grid = blocks(camera, canvas, region)
+    layer = sample(raster, grid, INTERPOLATION[options.interpolation])
+    return Layer(region, expose(layer.pixels, factors(panorama.plan.light, photo, grid)), layer.mask)
 
 
 def _seams_in(panorama: Panorama, tile: Region) -> dict[Pair, tuple[Floats, float]]:
