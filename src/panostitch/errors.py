@@ -6,7 +6,8 @@ PanostitchError
 ├── InputError             5   an input cannot be read
 ├── AlignmentError         6   photos match, but no sound alignment was found
 ├── LimitError             7   a limit of memory, disk, size or time would be broken
-└── OutputError            8   the output cannot be written, or exists already
+├── OutputError            8   the output cannot be written, or exists already
+└── MissingError           9   something optional that was asked for is not installed
 
 Exit code 0 means that every photo is in the panorama, 1 is a bug, 3 says that a panorama was written without
 some of the photos, 10 that some panoramas of a batch failed, 11 that the installation is damaged, and 130 that the user
@@ -72,3 +73,9 @@ class OutputError(PanostitchError):
     """The output cannot be written, or would overwrite something."""
 
     exit_code = 8
+
+
+class MissingError(PanostitchError):
+    """Something optional that was asked for is not installed."""
+
+    exit_code = 9

@@ -15,15 +15,17 @@ import pytest
 
 from panostitch.cli.compare import say_comparison
 from panostitch.cli.main import run
-from panostitch.errors import EXIT_INTERRUPTED, EXIT_LEFT_OUT, NoOverlapError, OutputError
+from panostitch.errors import EXIT_INTERRUPTED, EXIT_LEFT_OUT, MissingError, NoOverlapError, OutputError
 from panostitch.jobs.compare import Comparison, Misfit
 from panostitch.jobs.contender import DONE, OURS, RIVAL, Outcome
 from panostitch.model.photo import Photo
+from panostitch.model.score import Score, Worst
 from panostitch.synthetic.render import photograph
 from panostitch.synthetic.scene import rig, sphere_scene
 from panostitch.synthetic.textures import procedural_texture
 
 MISFIT = 1.0  # px, median; observed 0.18 and, the rival, 0.34
+FAULTS = 1.0  # of either panorama of an easy pair; observed 0.1 and, the rival, 0.2
 PATIENCE = 20.0  # seconds until a child must have begun
 
 
@@ -68,6 +70,8 @@ def test_json_and_picture(photos, strangers, tmp_path, capsys):
         assert entry["photos"] == ["a.jpg", "b.jpg"]
         assert entry["left_out"] == ["b.png"]
         assert entry["misfit"]["median"] < MISFIT
+        assert 0 < entry["score"]["total"] < FAULTS
+        assert entry["score"]["places"] > 100
     assert data["judge"]["detector"] == "akaze"
     assert data["exit_code"] == EXIT_LEFT_OUT
     height = sum(entry["size"][1] for entry in data["programs"])
@@ -82,6 +86,16 @@ def test_no_overlap_shows_the_rival_then_fails(strangers, tmp_path, capsys):
     assert "cv2.Stitcher: need more images" in said.err
     assert "0 of 2" in said.err
     assert "error: no two photos overlap" in said.err
+    assert not output.exists()
+
+
+def test_a_rival_that_is_not_installed_is_said_before_anything_is_done(photos, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    output = tmp_path / "both.jpg"
+    assert run(["compare", str(photos), "-o", str(output), "--with", "hugin"]) == MissingError.exit_code == 9
+    said = capsys.readouterr().err
+    assert "hugin_executor" in said
+    assert "apt install hugin-tools enblend" in said
     assert not output.exists()
 
 
@@ -115,10 +129,13 @@ def test_table_names_what_is_missing(capsys):
     camera = rig([0.0], size=(480, 360), focal=500)[0]
     rival = Outcome(RIVAL, "5.0", "crashed: aborted", seconds=1.5)
     ours = Outcome(OURS, "0.1", DONE, (camera, None, camera), (700, 350), 2.0, 3.0, 123.4)
-    say_comparison(Comparison(photos, (rival, ours), (None, Misfit(0.5, np.inf, 2.0)), "akaze", 80, 1))
+    worst = (Worst(12.0, 34.0, 2.5, None, 5.0, 0.0, 0.0, None),)
+    score = Score(0.25, 0.125, 1.5, None, 2.0, 0.0, 0.0625, 400, 0.5, worst)
+    say_comparison(Comparison(photos, (rival, ours), (None, Misfit(0.5, np.inf, 2.0)), "akaze", 80, 1, (None, score)))
     lines = capsys.readouterr().err.splitlines()
     assert [" ".join(line.split()) for line in lines[1:3]] == [
         "cv2.Stitcher 5.0 0 of 3 - 1.50 - - - - -",
         "panostitch 0.1 2 of 3 700 x 350 2.00 3.00 123 0.50 inf 2.00",
     ]
-    assert lines[3:5] == ["cv2.Stitcher: crashed: aborted", "panostitch leaves out b.jpg"]
+    assert " ".join(lines[4].split()) == "panostitch 0.25 0.12 1.50 - 2.00 0.00 0.06 12/34"
+    assert lines[5:7] == ["cv2.Stitcher: crashed: aborted", "panostitch leaves out b.jpg"]

@@ -60,7 +60,7 @@ def test_both_succeed_and_leave_out_the_stranger(comparison):
         assert outcome.status == DONE
         assert comparison.included(outcome) == ["a.jpg", "b.png"]
         assert comparison.left_out(outcome) == ["c.png"]
-        assert np.load(outcome.picture).shape == (outcome.size[1], outcome.size[0], 3)
+        assert np.load(outcome.picture).shape[:2] == outcome.size[::-1]
         assert outcome.seconds > 0
         assert outcome.cpu_seconds > 0
     assert failure(comparison) is None
@@ -79,6 +79,12 @@ def test_points_judge_both(comparison):
 def test_cameras_against_the_truth(comparison, program, tolerance):
     found = next(outcome.cameras for outcome in comparison.outcomes if outcome.program == program)
     assert np.quantile(pair_errors(tuple(CAMERAS), found[:2]), 0.95) < tolerance
+
+
+def test_both_panoramas_are_judged_and_ours_is_the_better_one(comparison):
+    rival, ours = comparison.scores
+    assert min(rival.places, ours.places) > 100
+    assert ours.total < rival.total
 
 
 def test_side_by_side_shows_both(comparison):

@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 
 from panostitch.jobs import hugin
-from panostitch.jobs.hugin import HuginCamera, HuginError, is_installed, read_pto, run_hugin
+from panostitch.jobs.hugin import (
+    HuginCamera,
+    HuginError,
+    is_installed,
+    missing_tools,
+    read_pto,
+    run_hugin,
+    stitch_hugin,
+)
 from panostitch.model.photo import Photo
 from panostitch.synthetic.render import ArraySource, photograph_plan
 from panostitch.synthetic.scene import procedural_texture, rig, sphere_scene
@@ -141,3 +149,9 @@ def test_hugin_itself(exif, tmp_path):
     assert best.rms < HUGIN_PX
     first = (tmp_path / "photos.pto").read_text()
     assert (" v50 " in first) != exif
+    if exif and not missing_tools():
+        panorama = stitch_hugin(tmp_path)
+        assert panorama.shape[2] == 4
+        # tilted photos leave corners empty
+        assert 0.2 < (panorama[..., 3] > 0).mean() < 1
+        assert panorama[..., :3].std() > 10  # grey levels: a picture

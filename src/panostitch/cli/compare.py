@@ -1,4 +1,4 @@
-"""`panostitch compare`: cv2.Stitcher and panostitch on the same photos."""
+"""`panostitch compare`: cv2.Stitcher or Hugin, and panostitch, on the same photos."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -9,21 +9,33 @@ from panostitch.cli.options import every_stage, options_of, run_options
 if TYPE_CHECKING:
     from panostitch.jobs.compare import Comparison, Misfit
     from panostitch.jobs.contender import Outcome
+    from panostitch.model.score import Score
 
 HEAD = ("", "photos", "panorama", "seconds", "CPU s", "memory MB", "median px", "rms px", "95 % px")
+SCORE_HEAD = ("", "score", "shift px", "95 % px", "colour dE", "structure", "ghost", "blur", "worst at")
 NOTHING = "-"
+WORST_SHOWN = 3
 
 
 @click.command("compare")
 @click.argument("photos", nargs=-1, required=True)
 @click.option("-o", "--output", required=True, metavar="PICTURE", help="Both panoramas, one above the other.")
+@click.option(
+    "--with",
+    "rival",
+    type=click.Choice(["cv2", "hugin"]),
+    default="cv2",
+    show_default=True,
+    help="The other program: OpenCV's cv2.Stitcher, or Hugin's tools, which have to be installed.",
+)
 @every_stage
 @run_options
-def command(photos: tuple[str, ...], output: str, **given: Any) -> int:
-    """Stitch PHOTOS by OpenCV's cv2.Stitcher and by panostitch, and put both side by side.
+def command(photos: tuple[str, ...], output: str, rival: str, **given: Any) -> int:
+    """Stitch PHOTOS by another program and by panostitch, and put both side by side.
 
-    Each runs in a process of its own. The table says what each includes and costs, and how far (in pixels of the full
-    photos) its cameras leave points apart that another detector has matched. The exit code is panostitch's.
+    Each runs in a process of its own. The first table says what each includes and costs, and how far (in pixels of the
+    full photos) its cameras leave points apart that another detector has matched. The second one judges the finished
+    pictures, 0 is perfect. The exit code is panostitch's.
     """
     import tempfile
 
@@ -33,11 +45,13 @@ def command(photos: tuple[str, ...], output: str, **given: Any) -> int:
     from panostitch.io import writers
     from panostitch.jobs import compare
 
+    compare.check_rival(rival)
     opened, _ = open_given(photos, require_all=True)  # other programs would stumble over what cannot be read
     writers.check_output(output, overwrite=given["overwrite"], inputs=[photo.path for photo in opened])
     settings = {name: given[name] for name in ("threads", "debug_dir", "overwrite")}
     with tempfile.TemporaryDirectory(prefix="panostitch-compare-") as folder:
-        comparison = compare.compare(opened, options_of(given), folder, run=executor(given), **settings)
+        options, run = options_of(given), executor(given)
+        comparison = compare.compare(opened, options, folder, rival=rival, run=run, **settings)
         failure = compare.failure(comparison)
         if not failure:
             writers.write_picture(output, compare.side_by_side(comparison), quality=given["quality"])
@@ -62,6 +76,8 @@ def say_comparison(comparison: "Comparison") -> None:
 
     pairs = zip(comparison.outcomes, comparison.misfits, strict=True)
     report.say_table(HEAD, [_row(comparison, outcome, misfit) for outcome, misfit in pairs])
+    scored = zip(comparison.outcomes, comparison.scores, strict=True)
+    report.say_table(SCORE_HEAD, [_score_row(outcome, score) for outcome, score in scored if score])
     for outcome in comparison.outcomes:
         left_out = comparison.left_out(outcome)
         if not outcome.size:
@@ -84,6 +100,15 @@ def _row(comparison: "Comparison", outcome: "Outcome", misfit: "Misfit | None") 
         _number(outcome.cpu_seconds, 2),
         _number(outcome.peak_megabytes, 0),
         *(_number(value, 2) for value in ((misfit.median, misfit.rms, misfit.p95) if misfit else (None,) * 3)),
+    )
+
+
+def _score_row(outcome: "Outcome", score: "Score") -> tuple[str, ...]:
+    measures = (score.total, score.displacement, score.displacement_p95, score.colour, score.structure, score.ghost)
+    return (
+        outcome.program,
+        *(_number(value, 2) for value in (*measures, score.blur)),
+        ", ".join(f"{worst.x:.0f}/{worst.y:.0f}" for worst in score.worst[:WORST_SHOWN]) or NOTHING,
     )
 
 

@@ -83,6 +83,10 @@ def write(
                 raise
     else:
         written = writers.write_panorama(panorama, output, options.output, run=run, trace=trace)
+    if given["debug_dir"]:
+        from panostitch.scoring import score_seams
+
+        score_seams(panorama, options.compositing, run=run, trace=trace)
     if not given["quiet"]:
         report.say_panorama(panorama, output, written)
         report.say_inclusion(alignment, panorama, verbose=given["verbose"])

@@ -29,8 +29,10 @@ from panostitch.debug.ink import (
     to_bytes,
     write,
 )
+from panostitch.geometry.sampling import rescale
 from panostitch.model.canvas import Layer, Region
 from panostitch.model.mesh import Mesh
+from panostitch.model.score import Places
 
 Floats = NDArray[np.float64]
 
@@ -40,6 +42,9 @@ GAP = 8  # px between the two photos of a pair
 BAND_PEAK = 110.0  # grey levels from the middle that the strong edges of a band are stretched to
 MOST_BENT = 0.8  # of a cell: lines of a mesh that are drawn further apart are hard to follow
 MESH_POINTS = 100  # along each line
+WELL, BADLY = 0.0, 3.0  # faults at the ends of the colours
+PLACE = 6.0  # px of the canvas, radius of a place
+FAINT = 0.7  # of its brightness that is left of the panorama under them
 SMALL = 800  # px; coarse bands are enlarged to about this
 _NOBODY_COLOUR: Colour = (24, 24, 26)
 
@@ -130,6 +135,20 @@ def seams(labels: NDArray[np.int16], pixels: NDArray[Any]) -> Picture:
     rim = cv2.dilate(core.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     picture[rim] = BLACK
     picture[core] = YELLOW
+    return picture
+
+
+def faults(panorama: Picture, places: Places, shown: Region) -> Picture:
+    """A panorama (h, w, 3) of this region of the canvas, grey, and what is wrong in colour, from blue to yellow."""
+    grey = cv2.cvtColor(to_bytes(fit(panorama)), cv2.COLOR_RGB2GRAY)
+    picture = _dimmed(np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB), np.uint8), FAINT)
+    scale = picture.shape[1] / shown.width
+    known = np.isfinite(places.fault)
+    xy = rescale(places.xy[known] - [shown.x, shown.y], scale)
+    fault = places.fault[known]
+    radius = max(2.0, PLACE * scale)
+    for n in np.argsort(fault, kind="stable"):  # the worst on top
+        circle(picture, xy[n], radius, along(float(np.clip((fault[n] - WELL) / (BADLY - WELL), 0, 1))), thickness=-1)
     return picture
 
 

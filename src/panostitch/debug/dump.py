@@ -32,6 +32,7 @@ EVENTS = (
     "compositing.seamed",
     "compositing.band",
     "compositing.cropped",
+    "scoring.judged",
     "panorama.written",
 )  # each is a method of Metrics, of Pictures, or of both
 FLUSH_SECONDS = 1.0  # a run that is killed leaves numbers, and a list of its files, at most this old

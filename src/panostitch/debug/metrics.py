@@ -17,6 +17,7 @@ from panostitch.model.finding import Finding
 from panostitch.model.light import Light
 from panostitch.model.match import Groups, Link, PutativeMatch, VerifiedMatch
 from panostitch.model.photo import Photo
+from panostitch.model.score import SeamScore
 
 
 class Metrics:
@@ -145,6 +146,10 @@ class Metrics:
         """What is written of the canvas, in px of the reduced canvas."""
         self._parts["crop"] = {"reduced_px": vars(crop), "reason": reason, "covered": float(np.mean(coverage))}
         self._sizes["reduced_crop"] = (crop.width, crop.height)
+
+    def scoring_judged(self, seams: Sequence[SeamScore], **_: Any) -> None:
+        """The score of each seam."""
+        self._parts["seams"] = [seam.to_json() for seam in seams]
 
     def panorama_written(self, path: str, size: tuple[int, int], **_: Any) -> None:
         """The panorama's file."""

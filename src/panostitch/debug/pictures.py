@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from panostitch.debug import diagram, draw, folder
+from panostitch.debug.draw import BADLY, WELL
 from panostitch.debug.filenames import FileNames
 from panostitch.debug.ink import GREEN, LONGEST, VERMILLION, Picture, captioned, fit, resized, to_bytes
 from panostitch.debug.pairs import PairPictures
@@ -21,12 +22,14 @@ from panostitch.model.light import Light
 from panostitch.model.match import Groups, Link, PutativeMatch, VerifiedMatch
 from panostitch.model.mesh import Mesh
 from panostitch.model.photo import Photo
+from panostitch.model.score import Places, SeamScore
 
 Pixels = NDArray[np.float32]
 Save = Callable[[str, Callable[[], Picture]], None]
 
 HALF = (LONGEST - draw.GAP) // 2  # px, a photo of a pair: the size that is kept in memory
 KEPT_PHOTOS = 24  # at 2 MB each
+MOST_NAMED = 12  # seams under their picture
 MOST_ENLARGED = 2.0  # small photos are drawn larger, so that circles can be told apart
 
 
@@ -72,6 +75,7 @@ class Pictures:
         self._save = save
         self._names = FileNames()
         self._pixels = PhotoPixels()
+        self._panorama: Picture | None = None
         self._pairs = PairPictures(save, remove, self._names, self._pixels.half)
 
     @property
@@ -230,6 +234,21 @@ class Pictures:
         """What is cut off, and why."""
         self._save(f"{folder.CROP}/crop.jpg", lambda: captioned(draw.crop(picture, coverage, crop), reason))
 
+    def scoring_judged(self, seams: Sequence[SeamScore], places: Places, crop: Region, **_: Any) -> None:
+        """Where along the seams something is wrong."""
+        if self._panorama is None:
+            return
+        background = self._panorama
+
+        def picture() -> Picture:
+            drawn = draw.faults(background, places, crop)
+            named = [f"{seam.first} - {seam.second} {seam.score.total:.2f}" for seam in seams if seam.score.total]
+            worst = f"from {WELL:g} (blue) to {BADLY:g} times (yellow) what can just be seen"
+            return captioned(drawn, f"faults at the seams, {worst}", *named[:MOST_NAMED])
+
+        self._save(f"{folder.SEAMS}/faults.jpg", picture)
+
     def panorama_written(self, preview: Picture, **_: Any) -> None:
         """The panorama, small."""
+        self._panorama = preview
         self._save(f"{folder.PANORAMA}/panorama.jpg", lambda: to_bytes(fit(preview)))

@@ -1,7 +1,8 @@
-"""panostitch and cv2.Stitcher on the same photos: what each includes, costs, and how well its cameras fit.
+"""panostitch and a rival on the same photos: what each includes, costs, how well its cameras fit, and its faults.
 
-The judge is neutral: matched points of a detector that panostitch did not align with (cv2.Stitcher aligns with ORB),
-on pairs of photos that both programs include. Each program's cameras send a point of photo i to photo j and back.
+The judge of cameras is neutral: matched points of a detector that panostitch did not align with (cv2.Stitcher aligns
+with ORB), on pairs of photos that both programs include. Each program's cameras send a point of photo i to photo j and
+back. The judge of the panoramas (`scoring.picture`) knows nothing but the finished pictures and the photos.
 """
 
 from collections.abc import Sequence
@@ -15,19 +16,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from panostitch.debug import ink
-from panostitch.errors import PanostitchError
+from panostitch.errors import MissingError, PanostitchError
 from panostitch.jobs.contender import DONE, OURS, RIVAL, Outcome, Task, run_apart
-from panostitch.model.camera import Camera
+from panostitch.jobs.hugin import HUGIN, INSTALL, missing_tools
 from panostitch.model.match import VerifiedMatch
 from panostitch.model.photo import Photo
+from panostitch.model.score import Score
 from panostitch.options import Options
 from panostitch.pipeline import Recognition, recognise
 from panostitch.runtime.executor import Executor, serial
+from panostitch.scoring import judge, summary
+from panostitch.synthetic.score import View
 
 Floats = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 
 JUDGE_MEGAPIXELS = 2.0  # more than either program aligns with, so that the judge sees finer than the judged
+RIVALS = {"cv2": RIVAL, "hugin": HUGIN}  # by their names on the command line
 WIDEST, HIGHEST = 2400, 1800  # px of one panorama in the picture of both
 NARROWEST = 900  # px, so that a label can be read
 MARGIN = 12  # px
@@ -46,9 +51,10 @@ class Misfit:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The outcomes of both programs and what the judge says of their cameras.
+    """The outcomes of both programs, the rival's first, and what the judges say of their cameras and panoramas.
 
     misfits:  one for each outcome; None where it has no cameras to judge
+    scores:   one for each outcome; None where there is no panorama
     detector: whose points were judged by
     points, pairs: number of matches, and of pairs of photos they lie in
     """
@@ -59,6 +65,7 @@ class Comparison:
     detector: str
     points: int
     pairs: int
+    scores: tuple[Score | None, ...]
 
     @property
     def ours(self) -> Outcome:
@@ -67,8 +74,8 @@ class Comparison:
 
     @property
     def rival(self) -> Outcome:
-        """What cv2.Stitcher made of the photos."""
-        return next(outcome for outcome in self.outcomes if outcome.program == RIVAL)
+        """What the other program made of the photos."""
+        return next(outcome for outcome in self.outcomes if outcome.program != OURS)
 
     def included(self, outcome: Outcome) -> list[str]:
         """Names of the photos in a program's panorama."""
@@ -94,8 +101,9 @@ class Comparison:
                 "peak_megabytes": outcome.peak_megabytes,
                 # JSON has no infinity
                 "misfit": {k: v if np.isfinite(v) else None for k, v in vars(misfit).items()} if misfit else None,
+                "score": score and score.to_json(),
             }
-            for outcome, misfit in zip(self.outcomes, self.misfits, strict=True)
+            for outcome, misfit, score in zip(self.outcomes, self.misfits, self.scores, strict=True)
         ]
         judge = {"detector": self.detector, "points": self.points, "pairs": self.pairs}
         return {"photos": [photo.name for photo in self.photos], "programs": programs, "judge": judge}
@@ -106,6 +114,7 @@ def compare(
     options: Options,
     folder: str | Path,
     *,
+    rival: str = "cv2",
     threads: int | None = None,
     debug_dir: str | None = None,
     overwrite: bool = False,
@@ -113,9 +122,11 @@ def compare(
 ) -> Comparison:
     """Run both programs, one after the other; their panoramas go to `folder`, an existing one that is empty.
 
+    rival:   name in RIVALS
     threads: for both programs alike; None for as many as each takes by itself
-    A failure of either is part of the result, not an exception.
+    A failure of either is part of the result, not an exception. Raises MissingError where the rival is not installed.
     """
+    check_rival(rival)
     # first of all, so that both programs find the photos in the system's cache
     recognition = recognise(photos, judge_options(options), run=run)
     task = Task(OURS, tuple(photos), options, threads, debug_dir, overwrite)
@@ -125,7 +136,7 @@ def compare(
         home.mkdir()
         return run_apart(replace(task, program=program), home)
 
-    outcomes = tuple(run.progress(map(one, (RIVAL, OURS)), total=2, label="Stitching twice"))
+    outcomes = tuple(run.progress(map(one, (RIVALS[rival], OURS)), total=2, label="Stitching twice"))
     links = _common(recognition, photos, outcomes)
     return Comparison(
         tuple(photos),
@@ -134,7 +145,26 @@ def compare(
         judge_options(options).features.detector,
         sum(link.inliers for link in links),
         len(links),
+        tuple(_score(outcome, photos, run) for outcome in outcomes),
     )
+
+
+def check_rival(rival: str) -> None:
+    """Raise MissingError where a rival (name in RIVALS) is not installed."""
+    missing = missing_tools() if RIVALS[rival] == HUGIN else []
+    if missing:
+        raise MissingError(
+            f"--with {rival}: {', '.join(missing)} {'is' if len(missing) == 1 else 'are'} not on the path",
+            hint=f"install Hugin's tools ({INSTALL}), or compare --with cv2",
+        )
+
+
+def _score(outcome: Outcome, photos: Sequence[Photo], run: Executor) -> Score | None:
+    """What the judge says of a panorama, by the photos that it includes."""
+    if not outcome.picture:
+        return None
+    used = [photo for photo, camera in zip(photos, outcome.cameras, strict=True) if camera]
+    return summary(judge(np.load(outcome.picture), used, run=run))
 
 
 def judge_options(options: Options) -> Options:
@@ -166,7 +196,7 @@ def _misfit(outcome: Outcome, links: Sequence[VerifiedMatch]) -> Misfit | None:
     return Misfit(float(np.median(every)), float(np.sqrt((every**2).mean())), p95)
 
 
-def _distances(cameras: Sequence[Camera | None], link: VerifiedMatch) -> list[Floats]:
+def _distances(cameras: Sequence[View | None], link: VerifiedMatch) -> list[Floats]:
     """Distances (n,) px in photo j, and in photo i."""
     camera_i, camera_j = cameras[link.i], cameras[link.j]
     assert camera_i
@@ -218,4 +248,5 @@ def _reduced(outcome: Outcome) -> Pixels:
     height, width = pixels.shape[:2]
     scale = min(1.0, WIDEST / width, HIGHEST / height)
     size = max(1, round(width * scale)), max(1, round(height * scale))
-    return np.asarray(cv2.resize(np.ascontiguousarray(pixels), size, interpolation=cv2.INTER_AREA), np.uint8)
+    small = np.asarray(cv2.resize(np.ascontiguousarray(pixels), size, interpolation=cv2.INTER_AREA), np.uint8)
+    return small[..., :3]

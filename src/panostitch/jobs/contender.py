@@ -6,10 +6,12 @@ Parent and child share a folder: the child finds its `Task` there and leaves its
 
 import importlib
 import importlib.metadata
+import os
 import pickle
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 import traceback
 from collections.abc import Callable, Sequence
@@ -24,14 +26,17 @@ from numpy.typing import NDArray
 
 from panostitch.errors import InputError, PanostitchError
 from panostitch.geometry.sampling import rescale
+from panostitch.jobs.hugin import HUGIN, HuginError, run_hugin, stitch_hugin
+from panostitch.jobs.hugin import version as hugin_version
 from panostitch.model.alignment import Alignment
 from panostitch.model.camera import Camera
 from panostitch.model.photo import Photo
 from panostitch.options import Options
+from panostitch.synthetic.score import View
 
 Pixels = NDArray[np.uint8]
 
-OURS, RIVAL = "panostitch", "cv2.Stitcher"
+OURS, RIVAL = "panostitch", "cv2.Stitcher"  # and HUGIN
 DONE = "done"
 STATUS_WORDS = {
     1: "need more images: too few photos overlap",
@@ -73,7 +78,7 @@ class Outcome:
     size:           (width, height) px of the panorama
     seconds, cpu_seconds: from opening the first photo to the last pixel of the panorama in memory
     peak_megabytes: most memory that the process ever held, its libraries included
-    picture:        file of the panorama (h, w, 3) RGB uint8, an array of NumPy's; empty if there is none
+    picture:        file of the panorama (h, w, 3) RGB or (h, w, 4) RGBA uint8, an array of NumPy's; empty without one
     alignment:      ours only, and only of what succeeded
     error:          ours only: the failure that is the user's to mend
     log:            last lines of what the program said
@@ -82,7 +87,7 @@ class Outcome:
     program: str
     version: str
     status: str
-    cameras: tuple[Camera | None, ...] = ()
+    cameras: tuple[View | None, ...] = ()
     size: tuple[int, int] | None = None
     seconds: float | None = None
     cpu_seconds: float | None = None
@@ -98,7 +103,7 @@ class _Work:
     """What a program gives back: a panorama, or the words that say why there is none."""
 
     status: str
-    cameras: tuple[Camera | None, ...] = ()
+    cameras: tuple[View | None, ...] = ()
     pixels: Pixels | None = field(default=None, repr=False)
     alignment: Alignment | None = None
 
@@ -140,6 +145,8 @@ def _last_words(code: int) -> str:
 
 def version_of(program: str) -> str:
     """Version of a contender."""
+    if program == HUGIN:
+        return hugin_version()
     return cv2.__version__ if program == RIVAL else importlib.metadata.version("panostitch")
 
 
@@ -155,7 +162,7 @@ def main(folder: str) -> None:
     for library in LIBRARIES[task.program]:
         importlib.import_module(library)
     error = None
-    wall, cpu = time.perf_counter(), time.process_time()
+    wall, cpu = time.perf_counter(), cpu_seconds()
     try:
         work = PROGRAMS[task.program](task)
     except PanostitchError as failure:
@@ -166,7 +173,7 @@ def main(folder: str) -> None:
         work.status,
         work.cameras,
         seconds=time.perf_counter() - wall,
-        cpu_seconds=time.process_time() - cpu,
+        cpu_seconds=cpu_seconds() - cpu,
         peak_megabytes=peak_megabytes(),
         alignment=work.alignment,
         error=error,
@@ -178,22 +185,30 @@ def main(folder: str) -> None:
     (home / OUTCOME).write_bytes(pickle.dumps(outcome))
 
 
+def cpu_seconds() -> float:
+    """Seconds of processors that this process has used, with the programs it has run."""
+    used = os.times()
+    return used.user + used.system + used.children_user + used.children_system
+
+
 def peak_megabytes() -> float | None:
-    """Most memory (MB) that this process ever held; None where the system does not tell.
+    """Most memory (MB) that this process, or a program that it has run, ever held; None where nobody tells.
 
     Linux hands `ru_maxrss` on from the parent through fork and exec; VmHWM begins anew with the program.
     """
-    try:
-        status = Path("/proc/self/status").read_text()
-        return int(status.split("VmHWM:")[1].split()[0]) * 1024 / 1e6
-    except (OSError, IndexError, ValueError):
-        pass
     try:
         import resource
     except ImportError:  # Windows
         return None
     unit = 1 if sys.platform == "darwin" else 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
+    who = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    own, run = (resource.getrusage(which).ru_maxrss * unit / 1e6 for which in who)
+    try:
+        status = Path("/proc/self/status").read_text()
+        own = int(status.split("VmHWM:")[1].split()[0]) * 1024 / 1e6
+    except (OSError, IndexError, ValueError):
+        pass
+    return max(own, run)
 
 
 def _ours(task: Task) -> _Work:
@@ -206,7 +221,9 @@ def _ours(task: Task) -> _Work:
     run = Executor(task.threads or cv2.getNumberOfCPUs())
     with _dump(task) if task.debug_dir else nullcontext(silent) as trace:
         alignment = pipeline.align(task.photos, task.options, run=run, trace=trace)
-        pixels, _ = assemble(pipeline.render(alignment, task.options, run=run, trace=trace), run=run)
+        pixels, mask = assemble(pipeline.render(alignment, task.options, run=run, trace=trace), run=run)
+    if not mask.all():
+        pixels = np.dstack([pixels, mask])
     cameras = {photo.name: camera for photo, camera in zip(alignment.photos, alignment.cameras, strict=True)}
     return _Work(DONE, tuple(cameras.get(photo.name) for photo in task.photos), pixels, alignment)
 
@@ -241,6 +258,25 @@ def _rival(task: Task) -> _Work:
     return _Work(DONE, tuple(found.get(n) for n in range(len(task.photos))), pixels)
 
 
+def _hugin(task: Task) -> _Work:
+    """Hugin's tools as its assistant runs them; photos that it cannot join to the others are left away, as users do."""
+    threads = task.threads or cv2.getNumberOfCPUs()
+    given = list(range(len(task.photos)))
+    try:
+        while True:
+            with tempfile.TemporaryDirectory() as folder:
+                found = run_hugin([task.photos[n] for n in given], folder, threads=threads).plain
+                joined = [n for n, camera in zip(given, found, strict=True) if camera]
+                if len(joined) < 2:
+                    return _Work("no two photos are joined by control points")
+                if joined == given:
+                    cameras = dict(zip(given, found, strict=True))
+                    return _Work(DONE, tuple(map(cameras.get, range(len(task.photos)))), stitch_hugin(folder))
+            given = joined
+    except HuginError as error:
+        return _Work(str(error))
+
+
 def _as_opencv_reads(photo: Photo) -> Pixels | None:
     """A photo (h, w, 3) BGR as users of OpenCV read it, by our reader where that fails; None if it is broken."""
     pixels = cv2.imread(photo.path) if photo.path else None
@@ -266,7 +302,7 @@ def rival_cameras(estimated: Sequence[Any], work_scale: float, sizes: Sequence[t
     return cameras
 
 
-PROGRAMS: dict[str, Callable[[Task], _Work]] = {RIVAL: _rival, OURS: _ours}
+PROGRAMS: dict[str, Callable[[Task], _Work]] = {RIVAL: _rival, HUGIN: _hugin, OURS: _ours}
 
 # loaded before the clock starts; not by every child, as they would count as the other program's memory
-LIBRARIES = {RIVAL: (), OURS: ("panostitch.pipeline", "panostitch.io.writers")}
+LIBRARIES: dict[str, tuple[str, ...]] = {RIVAL: (), HUGIN: (), OURS: ("panostitch.pipeline", "panostitch.io.writers")}

@@ -26,11 +26,14 @@ Floats = NDArray[np.float64]
 
 HUGIN = "Hugin"
 TOOLS = ("pto_gen", "cpfind", "cpclean", "autooptimiser", "pto_var")
+STITCHING_TOOLS = ("pano_modify", "hugin_executor", "nona", "enblend")
+INSTALL = "apt install hugin-tools enblend"
 GUESS = 50  # degrees, what pto_gen itself assumes of the field of view where metadata tell nothing
 FULL_FRAME_DIAGONAL = 43.27  # mm
 TIMEOUT = 1800  # s, for one tool
 NEWTON_STEPS = 20
-PLAIN, LENS = "plain.pto", "lens.pto"
+PLAIN, LENS, CANVAS = "plain.pto", "lens.pto", "canvas.pto"
+PANORAMA = "panorama.tif"
 RECTILINEAR = 0
 LAST_WORDS = 300  # characters of what a tool said before it failed
 
@@ -103,8 +106,20 @@ class HuginResult:
 
 
 def is_installed() -> bool:
-    """Whether all of the tools are on the path."""
-    return all(shutil.which(tool) for tool in TOOLS)
+    """Whether all of the tools that align photos are on the path."""
+    return not missing_tools(TOOLS)
+
+
+def missing_tools(tools: Sequence[str] = TOOLS + STITCHING_TOOLS) -> list[str]:
+    """Those of the tools that are not on the path."""
+    return [tool for tool in tools if not shutil.which(tool)]
+
+
+def version() -> str:
+    """Hugin's version, as its tools state it; empty where they do not."""
+    said = subprocess.run(["nona", "--help"], capture_output=True, check=False, timeout=TIMEOUT)
+    found = re.search(r"version (\S+)", (said.stdout + said.stderr).decode(errors="replace"))
+    return found[1] if found else ""
 
 
 def run_hugin(photos: Sequence[Photo], folder: str | Path, *, threads: int = 1) -> HuginResult:
@@ -115,12 +130,29 @@ def run_hugin(photos: Sequence[Photo], folder: str | Path, *, threads: int = 1) 
         Image.fromarray(photo.source.read()[0]).save(home / name, exif=exif_of(photo), compress_level=1)
     start = time.perf_counter()
     for command in _commands(names, known=all(photo.focal for photo in photos), threads=threads):
-        _run(command, home)
+        _run(command, home, command[command.index("-o") + 1])
     seconds = time.perf_counter() - start
     plain, lens = (read_pto((home / name).read_text()) for name in (PLAIN, LENS))
     if {len(plain), len(lens)} != {len(photos)}:
         raise HuginError(f"Hugin speaks of {len(plain)} and {len(lens)} photos where {len(photos)} were given")
     return HuginResult(plain, lens, seconds)
+
+
+def stitch_hugin(folder: str | Path, project: str = PLAIN) -> NDArray[np.uint8]:
+    """The panorama (h, w, 4) RGBA that Hugin makes in the folder where it has aligned photos, without empty borders.
+
+    Raises HuginError.
+    """
+    home = Path(folder)
+    _run(["pano_modify", "--center", "--fov=AUTO", "--canvas=AUTO", "-o", CANVAS, project], home, CANVAS)
+    prefix = PANORAMA.removesuffix(".tif")
+    _run(["hugin_executor", "--stitching", f"--prefix={prefix}", CANVAS], home, PANORAMA)
+    with Image.open(home / PANORAMA) as picture:
+        pixels = np.asarray(picture.convert("RGBA"), np.uint8)
+    rows, columns = (np.flatnonzero((pixels[..., 3] > 0).any(axis)) for axis in (1, 0))
+    if not len(rows):
+        raise HuginError("enblend left an empty picture")
+    return np.ascontiguousarray(pixels[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1])
 
 
 def _commands(names: Sequence[str], *, known: bool, threads: int) -> list[list[str]]:
@@ -136,15 +168,14 @@ def _commands(names: Sequence[str], *, known: bool, threads: int) -> list[list[s
     ]
 
 
-def _run(command: Sequence[str], home: Path) -> None:
-    written = home / command[command.index("-o") + 1]
+def _run(command: Sequence[str], home: Path, written: str) -> None:
     try:
         done = subprocess.run(
             command, cwd=home, stdin=subprocess.DEVNULL, capture_output=True, timeout=TIMEOUT, check=False
         )
     except subprocess.TimeoutExpired as error:
         raise HuginError(f"{command[0]} took more than {TIMEOUT} s") from error
-    if done.returncode or not written.exists():
+    if done.returncode or not (home / written).exists():
         said = " ".join((done.stdout + done.stderr).decode(errors="replace").split())
         raise HuginError(f"{command[0]} failed with code {done.returncode}: {said[-LAST_WORDS:]}")
 
