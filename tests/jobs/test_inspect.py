@@ -96,9 +96,9 @@ def test_damage(case, project):
 
 
 def test_left_outs_of_the_wrong_kind_are_words_all_the_same(project):
-    left_out = [{"name": 1, "reason": 2, "details": [3], "hint": 4}]
+    left_out = [{"name": 1, "reason": 2, "details": [3], "hint": 4, "cause": 5}]
     path = changed(project, "odd.pano.json", lambda data: data.update(left_out=left_out))
 
     (photo,) = inspect_project(path).alignment.left_out
 
-    assert (photo.name, photo.reason, photo.details, photo.hint) == ("1", "2", ("3",), "4")
+    assert (photo.name, photo.reason, photo.details, photo.hint, photo.cause) == ("1", "2", ("3",), "4", "5")

@@ -11,7 +11,6 @@ from functools import partial
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from panostitch.alignment.distances import rms
 from panostitch.alignment.elastic_system import errors, with_meshes
@@ -116,6 +115,8 @@ def agreeing(cameras: Sequence[Camera], points: ControlPoints) -> ControlPoints:
     """The matches that go about the same way as their neighbours."""
     if len(points) <= NEIGHBOURS:
         return points.take(np.zeros(len(points), bool))
+    from scipy.spatial import cKDTree  # long to load, and only meshes need it
+
     off = errors(cameras, points)
     _, near = cKDTree(points.xy_i).query(points.xy_i, k=NEIGHBOURS + 1)
     usual = np.median(off[near[:, 1:]], axis=1)

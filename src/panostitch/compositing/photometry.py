@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from panostitch.compositing.overlaps import Overlaps
 from panostitch.model.light import TERMS
@@ -140,6 +139,11 @@ def _not_negative(square: Floats, pull: Floats) -> Floats:
 
     Of each lens they sum to `DARKEST` at most.
     """
-    root = np.linalg.cholesky(square)
-    found = nnls(root.T, np.linalg.solve(root, pull))[0].reshape(-1, TERMS)
+    found = np.linalg.solve(square, pull)
+    if (found < 0).any():
+        from scipy.optimize import nnls  # long to load, and not always needed
+
+        root = np.linalg.cholesky(square)
+        found = nnls(root.T, np.linalg.solve(root, pull))[0]
+    found = found.reshape(-1, TERMS)
     return np.asarray((found * np.minimum(1, DARKEST / np.maximum(found.sum(1, keepdims=True), 1e-9))).ravel())

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binom
 
 from panostitch.geometry import homography
 
@@ -52,6 +51,8 @@ def find_agreement(xy_i: Floats, xy_j: Floats, size_j: tuple[int, int], *, withi
 
     within: share of photo j among whose key points the matches were sought
     """
+    from scipy.stats import binom  # long to load, and only failures need it
+
     best = Agreement(np.eye(3), np.zeros(len(xy_i), np.bool_), 0.0)
     distinct = _distinct(xy_i, xy_j, SAME_PLACE * max(size_j))
     n = len(distinct)

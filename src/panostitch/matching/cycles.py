@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import coo_array
 
 from panostitch.matching.loops import Judged, Steps, judge, steps_of
@@ -118,6 +117,8 @@ class _Program:
         self.low.append(low)
 
     def solve(self) -> NDArray[np.bool_]:
+        from scipy.optimize import Bounds, LinearConstraint, milp  # long to load, and most photos need it not
+
         row, column, value = zip(*self.entries, strict=True)
         matrix = coo_array((value, (row, column)), shape=(len(self.low), len(self.cost))).tocsr()
         found = milp(

@@ -12,8 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
 from panostitch.model.camera import Camera
 
@@ -99,6 +97,8 @@ class _Problem:
 
     def solved(self, start: Floats) -> Mosaic:
         """Focal length and normal near a start (3,) that suit all homographies; R and T follow."""
+        from scipy.optimize import least_squares  # long to load
+
         found = least_squares(self._skews, start, x_scale=0.1, max_nfev=30)
         focal, normal = _length(found.x[0]), _normal(found.x[1:])
         pairs = [_pose(matrix, normal) for matrix in self._calibrated(focal)]
@@ -114,6 +114,9 @@ class _Problem:
 
     def adjusted(self, start: Mosaic) -> Mosaic:
         """Everything adjusted to the pixels, from a start."""
+        from scipy.optimize import least_squares
+        from scipy.spatial.transform import Rotation
+
         count = len(start.turns)
         tilt = start.normal[:2] / start.normal[2]
 

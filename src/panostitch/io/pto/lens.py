@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from panostitch.errors import UsageError
 from panostitch.geometry import lens
@@ -55,6 +54,8 @@ def to_hugin(camera: Camera) -> HuginLens:
     terms = np.arange(1, 5)
     found, error = _fit((ideal[seen, None] / unit) ** terms, radii[seen])
     # the ideal radius, in focal lengths, that the polynomial leaves where it is
+    from scipy.optimize import brentq  # long to load
+
     fixed = unit * float(brentq(lambda t: float(found @ t**terms) - half, 0.0, 1.0))
     _, c, b, a = found * (fixed / unit) ** terms / half
     return HuginLens(half / fixed, float(a), float(b), float(c), error)
