@@ -160,6 +160,11 @@ def page(rows: Sequence[Row], sizes: str, threads: int) -> str:
             f"| {row.compression} | {row.limit or '-'} | {seconds:.1f} | {row.per_megapixel / unit.per_megapixel:.2f} "
             f"| {row.plan / seconds:.0%} | {row.peak / 2**20:.0f} |"
         )
+    lines += [
+        "",
+        "A small panorama spends most of its time on the plan, whose picture is nearly as large. Of one that is many times",
+        "larger than its plan, pieces with seams need wide margins, and take longer.",
+    ]
     return "\n".join(lines) + "\n"
 
 

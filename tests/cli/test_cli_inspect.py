@@ -79,3 +79,25 @@ def test_a_project_that_is_not_ours(call, tmp_path):
 
     assert (result.code, result.out) == (5, "")
     assert "not a sound project file" in result.err
+
+
+def test_a_panorama_is_scored_against_its_photos(call, photos):
+    """Its own photo is all that a picture can be; a copy of which a part is moved is worse."""
+    call("stitch", photos, "-o", "whole.png", *QUICK)
+    picture = np.asarray(Image.open("whole.png")).copy()
+    middle = picture.shape[1] // 2
+    picture[:, middle:-6] = picture[:, middle + 6 :]
+    Image.fromarray(picture).save("moved.png")
+
+    whole, moved = (
+        json.loads(call("inspect", name, "--photos", photos, "--json").out)["score"]
+        for name in ("whole.png", "moved.png")
+    )
+
+    assert whole["total"] < moved["total"]
+    assert abs(moved["worst"][0]["x"] - middle) < 40
+    assert "score" in told(call("inspect", "moved.png", "--photos", photos))
+
+
+def test_a_project_has_no_score(call, photos):
+    assert call("inspect", "x.pano.json", "--photos", photos).code == 2

@@ -8,16 +8,23 @@ if TYPE_CHECKING:
     from panostitch.io.inspection import Border, Picture
     from panostitch.io.inspection.shot import Shot
     from panostitch.jobs.inspect import Project
+    from panostitch.model.score import Score
 
 Facts = list[tuple[str, str]]
 NEGLIGIBLE = 5e-5  # of a picture: rounds to 0.00 %
-WORST_LINKS = 3  # named one by one
+WORST_LINKS = WORST_PLACES = 3  # named one by one
 
 
 @click.command("inspect")
 @click.argument("file")
+@click.option(
+    "--photos",
+    multiple=True,
+    metavar="PHOTOS",
+    help="Score a picture against the photos that it was made of, by whatever program (files, folders; repeatable).",
+)
 @click.option("--json", "as_json", is_flag=True, help="The same as JSON.")
-def command(file: str, as_json: bool) -> int:
+def command(file: str, photos: tuple[str, ...], as_json: bool) -> int:
     """Look into FILE: a panorama or another picture, a project file (.pano.json), or one of Hugin (.pto).
 
     Of a picture: size, depth, projection and field of view, metadata, how it lies in the file, and what of it is empty.
@@ -25,7 +32,7 @@ def command(file: str, as_json: bool) -> int:
     Large files are looked at piece by piece.
     """
     from panostitch.cli.terminal import print_json, show_facts
-    from panostitch.errors import EXIT_OK
+    from panostitch.errors import EXIT_OK, UsageError
     from panostitch.io.inspection import inspect_picture
     from panostitch.io.project import EXTENSION as OURS
     from panostitch.io.pto import EXTENSION as HUGINS
@@ -33,11 +40,18 @@ def command(file: str, as_json: bool) -> int:
     if file.lower().endswith((OURS, HUGINS)):
         from panostitch.jobs.inspect import inspect_project
 
+        if photos:
+            raise UsageError(
+                "--photos: a project has no picture to score", hint="name the panorama that was made of it"
+            )
         project = inspect_project(file)
         data, facts = project_json(project), project_facts(project)
     else:
         picture = inspect_picture(file)
         data, facts = picture_json(picture), picture_facts(picture)
+        if photos:
+            score = _scored(file, photos)
+            data, facts = data | {"score": score.to_json()}, [*facts, *score_facts(score)]
     if as_json:
         print_json(data)
     else:
@@ -61,6 +75,28 @@ def picture_facts(picture: "Picture") -> Facts:
         ("empty", _emptiness(picture.border) if picture.border else picture.note),
     ]
     return [fact for fact in facts if fact[1]]
+
+
+def _scored(file: str, photos: tuple[str, ...]) -> "Score":
+    from panostitch.cli.session import open_given
+    from panostitch.io.readers import open_photo
+    from panostitch.jobs.inspect import score_picture
+
+    opened, _ = open_given(photos, require_all=True)
+    return score_picture(open_photo(file), opened)
+
+
+def score_facts(score: "Score") -> Facts:
+    """How well the picture shows what its photos do."""
+    from panostitch.model.score import MEASURES
+
+    if score.total is None:
+        return [("score", "none: the photos are not found in the picture, or nowhere two of them")]
+    units = {"displacement": " px", "colour": " dE", "structure": " levels", "ghost": " levels", "blur": ""}
+    measures = [(name, getattr(score, name)) for name in MEASURES]
+    told = ", ".join(f"{name} {value:.2f}{units[name]}" for name, value in measures if value is not None)
+    worst = ", ".join(f"{place.x:.0f}/{place.y:.0f}" for place in score.worst[:WORST_PLACES])
+    return [("score", f"{score.total:.2f} (0 is perfect): {told}"), ("worst places", worst and f"{worst} px")]
 
 
 def _field(picture: "Picture") -> str:

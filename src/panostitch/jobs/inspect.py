@@ -1,15 +1,22 @@
-"""What a project file holds, ours or Hugin's, and what panorama would come of it."""
+"""What a project file holds, ours or Hugin's, and what panorama would come of it; how good a finished picture is."""
 
 import math
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from panostitch.compositing import lay_out
 from panostitch.errors import PanostitchError
 from panostitch.io import project
 from panostitch.io import pto as hugin
 from panostitch.model.alignment import Alignment
+from panostitch.model.photo import Photo
+from panostitch.model.score import Score
 from panostitch.options import LayoutOptions
+from panostitch.runtime.executor import Executor, serial
+from panostitch.scoring import judge, summary
 
 
 @dataclass(frozen=True)
@@ -32,6 +39,12 @@ class Project:
     projection: str
     reason: str
     missing: tuple[str, ...]
+
+
+def score_picture(picture: Photo, photos: Sequence[Photo], *, run: Executor = serial) -> Score:
+    """How well a finished picture shows what its photos do, whoever made it. Raises InputError."""
+    pixels, mask = picture.source.read()
+    return summary(judge(pixels if mask is None else np.dstack([pixels, mask]), photos, run=run))
 
 
 def inspect_project(path: str) -> Project:
