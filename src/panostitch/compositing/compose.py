@@ -110,7 +110,12 @@ class Sight:
     def photos(self, part: Region) -> list[int]:
         """The numbers of the photos that a part is made of."""
         if part not in self._photos:
-            labels = self.labels(self.work.around(part))
+            # what `labels` of what is `around` it has; this is asked for many parts
+            factor, reach = self.work.plan.factor, self.work.halo + LABEL_MARGIN
+            x, y = (first // factor - LABEL_MARGIN for first in (self.region.x, self.region.y))
+            rows = slice(part.y // factor - reach - y, -(-part.bottom // factor) + reach - y)
+            columns = slice(part.x // factor - reach - x, -(-part.right // factor) + reach - x)
+            labels = self._labels[rows, columns]
             alone = labels.min() == labels.max()
             self._photos[part] = [int(labels[0, 0])] if alone else [int(n) for n in np.unique(labels)]
         return self._photos[part]

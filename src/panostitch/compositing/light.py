@@ -11,6 +11,7 @@ Floats = NDArray[np.float32]
 
 WHITE = np.float32(255)
 BRIGHT = np.float32(200)  # grey levels from which on a camera may have cut off some of the light
+DARKER = np.float32(0.98)  # a photo that is darkened by less does not show where its white is
 # Of the stops by which what is burnt would be darkened, white and a colour keep
 WHITE_KEEPS, COLOUR_KEEPS = np.float32(0.3), np.float32(0.7)
 COLOURED = np.float32(0.4)  # of the brightest channel, between it and the darkest: no white from here on
@@ -43,7 +44,7 @@ def expose(pixels: Floats, factor: Floats) -> Floats:
     if factor.ndim == 1 and (factor == 1).all():
         return pixels
     exposed = _times(pixels, factor)
-    if factor.min() < 1 and pixels.max(initial=0) > BRIGHT:
+    if factor.min() < DARKER and pixels.max(initial=0) > BRIGHT:
         exposed += _held_up(pixels, factor)
     if exposed.max(initial=0) > WHITE:
         _keep_hue(exposed)

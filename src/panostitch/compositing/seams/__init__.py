@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Sequence
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from panostitch.compositing.seams.dp import dp
 from panostitch.compositing.seams.graphcut import graphcut
@@ -23,8 +23,13 @@ SEAMS: dict[str, Callable[[Canvas, Sequence[tuple[int, Layer]]], Labels]] = {
 
 
 def extend(labels: Labels) -> Labels:
-    """Give pixels that nobody owns to the owner of the nearest pixel; blending then needs no edges."""
-    if not (labels == NOBODY).any():
+    """Give pixels that nobody owns to the owner of the nearest pixel, about; blending then needs no edges."""
+    owned = labels != NOBODY
+    if owned.all() or not owned.any():
         return labels
-    nearest = distance_transform_edt(labels == NOBODY, return_distances=False, return_indices=True)
-    return np.asarray(labels[tuple(nearest)])
+    _, nearest = cv2.distanceTransformWithLabels(
+        (~owned).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    owner = np.empty(int(nearest.max()) + 1, np.int16)
+    owner[nearest[owned]] = labels[owned]
+    return np.asarray(owner[nearest], np.int16)
