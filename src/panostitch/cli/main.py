@@ -22,6 +22,7 @@ COMMANDS = {
     "render": "Second half: a project file to a panorama.",
     "batch": "A panorama of every sub-folder of a folder.",
     "compare": "The same photos by cv2.Stitcher and by panostitch, side by side.",
+    "detectors": "All detectors and matchers on your photos, side by side.",
     "selftest": "Photograph known scenes and state the true error.",
     "doctor": "Whether everything works here, and how to repair what does not.",
     "inspect": "What a panorama, a photo or a project file holds.",

@@ -19,7 +19,7 @@ from panostitch.options import FeatureOptions
 from panostitch.runtime.executor import Executor, serial
 from panostitch.runtime.trace import Trace, silent
 
-__all__ = ["DETECTORS", "MASK_MARGIN", "attempt_of", "brings_more", "detect", "detect_one", "rungs"]
+__all__ = ["DETECTORS", "MASK_MARGIN", "attempt_of", "brings_more", "detect", "detect_one", "read_scale", "rungs"]
 
 # From a grey picture (h, w) and a number to at least that many key points where there are so many, in its pixels.
 DETECTORS: dict[str, Callable[[NDArray[np.uint8], int], Described]] = {
@@ -87,10 +87,14 @@ def attempt_of(photo: Photo, options: FeatureOptions) -> Attempt:
     return Attempt(options.detector, round(megapixels, 3), options.contrast)
 
 
+def read_scale(photo: Photo, options: FeatureOptions) -> float:
+    """The scale <= 1 at which `detect_one` reads the photo."""
+    return min(float(np.sqrt(options.megapixels / photo.megapixels)), 1.0)
+
+
 def _working_picture(photo: Photo, options: FeatureOptions) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
     """The photo in grey at its working size, and where it may be used."""
-    scale = float(np.sqrt(options.megapixels / photo.megapixels))
-    pixels, mask = photo.source.read(min(scale, 1.0))
+    pixels, mask = photo.source.read(read_scale(photo, options))
     grey = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), np.uint8)
     if mask is not None:
         kernel = np.ones((2 * MASK_MARGIN + 1, 2 * MASK_MARGIN + 1), np.uint8)
