@@ -8,7 +8,7 @@ PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
 PHOTOS ?= samples/hall samples/poster
 
 .DEFAULT_GOAL := help
-.PHONY: help demo setup check test test-all bench samples docs clean
+.PHONY: help demo setup check test test-all bench laboratory samples docs clean
 
 help: ## this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -49,11 +49,15 @@ bench: $(VENV)/dev ## error and seconds; accuracy goes into docs/reference; seco
 	$(BIN)/python benchmarks/bundle.py --quick
 	$(BIN)/python benchmarks/registration_time.py $(PHOTOS)
 
+laboratory: $(VENV)/dev ## measure what textbooks claim, again; into docs/explanation/laboratory; takes ten minutes
+	$(BIN)/python benchmarks/laboratory/run.py
+
 samples: $(VENV)/dev ## photograph the samples again
 	$(BIN)/python samples/make_samples.py
 
-docs: $(VENV)/dev ## write the reference of options and exit codes anew
+docs: $(VENV)/dev ## write the reference of options and exit codes and the pictures of the stages anew
 	$(BIN)/python docs/make_reference.py
+	$(BIN)/python docs/make_pictures.py
 
 clean: ## remove what was built, never what was written
 	rm -rf $(VENV) $(DEMO) build dist .pytest_cache .ruff_cache .mypy_cache .import_linter_cache

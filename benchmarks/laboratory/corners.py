@@ -7,14 +7,15 @@ from typing import Any
 
 import cv2
 import numpy as np
-import scenes
 from numpy.typing import NDArray
+
+import scenes
 from report import Claim, Finding, Plot, Report, Series, Table, cells, percent
 
 TITLE = "Harris against FAST"
 CLAIM = Claim(
-    "FAST is many times faster than Harris and as repeatable or more, but suffers more from noise; both bear rotations, "
-    "and neither bears a change of scale.",
+    "FAST is many times faster than Harris and as repeatable or more, but suffers more from noise; both bear "
+    "rotations, and neither bears a change of scale.",
     "Rosten, Porter & Drummond 2010; Tuytelaars & Mikolajczyk 2008",
 )
 COUNT = 500  # corners
@@ -27,11 +28,11 @@ REPEATS = 5
 MANY = 3.0  # times
 BEARS = 0.7  # of the repeatability without a change
 METHOD = (
-    f"The {COUNT} strongest corners, at least {APART} px apart, of photos of 960 x 720 of two computed scenes; Harris by "
-    f"OpenCV's `goodFeaturesToTrack` (window {BLOCK} px, k = {K:g}), FAST by its `FastFeatureDetector` (FAST-9, threshold "
-    f"{FAST_THRESHOLD}, with non-maximum suppression). Repeatability: the share of the first photo's corners, in sight of "
-    f"the second, that were found there again within {PLACE:g} px. `by chance` is that of as many places at random. Time: "
-    "detection alone, one thread, the least of five runs."
+    f"The {COUNT} strongest corners, at least {APART} px apart, of photos of 960 x 720 of two computed scenes; Harris "
+    f"by OpenCV's `goodFeaturesToTrack` (window {BLOCK} px, k = {K:g}), FAST by its `FastFeatureDetector` (FAST-9, "
+    f"threshold {FAST_THRESHOLD}, with non-maximum suppression). Repeatability: the share of the first photo's "
+    f"corners, in sight of the second, that were found there again within {PLACE:g} px. `by chance` is that of as "
+    "many places at random. Time: detection alone, one thread, the least of five runs."
 )
 
 
@@ -47,7 +48,7 @@ class Settings:
     noises: tuple[float, ...] = (0, 5, 10, 15, 20)
 
 
-FULL, TINY = Settings(), Settings(("shapes",), (240, 180), scenes.COARSE, (0, 45), (1.0, 1.5), (0, 10))
+FULL, TINY = Settings(), Settings(("shapes",), (160, 120), scenes.COARSE, (0, 45), (1.0, 1.5), (0, 10))
 KINDS = ("roll", "zoom", "noise")
 UNITS = {"roll": "roll, degrees", "zoom": "zoom, times", "noise": "noise added, grey levels"}
 
@@ -161,7 +162,8 @@ def findings(found: dict[str, dict[float, dict[str, float]]], ratio: float) -> t
     said.append(
         Finding(
             "holds" if loss["FAST"] > loss["Harris"] else "does not hold",
-            f"most noise takes {percent(loss['FAST'])} of FAST's repeatability and {percent(loss['Harris'])} of Harris'.",
+            f"most noise takes {percent(loss['FAST'])} of FAST's repeatability and {percent(loss['Harris'])} of "
+            "Harris'.",
         )
     )
     for name in DETECT:
@@ -170,7 +172,8 @@ def findings(found: dict[str, dict[float, dict[str, float]]], ratio: float) -> t
         said.append(
             Finding(
                 "holds" if right else "holds in part" if turned < 1 - BEARS or zoomed > 1 - BEARS else "does not hold",
-                f"{name}: the worst roll takes {percent(turned)} of the repeatability, the largest zoom {percent(zoomed)}.",
+                f"{name}: the worst roll takes {percent(turned)} of the repeatability, the largest zoom "
+                f"{percent(zoomed)}.",
             )
         )
     return tuple(said)

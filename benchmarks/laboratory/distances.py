@@ -7,19 +7,19 @@ from typing import Any
 
 import cv2
 import numpy as np
-import scenes
 from numpy.typing import NDArray
-from report import Claim, Finding, Plot, Report, Series, Table, cells, percent
 
+import scenes
 from panostitch.features import opencv
 from panostitch.matching import brute_force
 from panostitch.matching.ratio import believable
 from panostitch.options import MatchingOptions
+from report import Claim, Finding, Plot, Report, Series, Table, cells, percent
 
 TITLE = "L2 against Hamming"
 CLAIM = Claim(
-    "Binary descriptors are compared by the Hamming distance, which is many times faster than the Euclidean distance of "
-    "floats; to compare them by L2 is a mistake.",
+    "Binary descriptors are compared by the Hamming distance, which is many times faster than the Euclidean distance "
+    "of floats; to compare them by L2 is a mistake.",
     "Calonder et al. 2010 (BRIEF); Rublee et al. 2011 (ORB)",
 )
 REPEATS = 3
@@ -27,11 +27,11 @@ RIGHT = 4.0  # px
 MANY = 3.0  # times: what may be called many times faster
 SAME = 0.01  # of the right matches
 METHOD = (
-    "Time: two nearest neighbours of SIFT (128 floats) and ORB (256 bits) descriptors of a picture and a reduced copy of it by OpenCV's "
-    "BFMatcher, and by the program's matrix product, which takes bits for rows of +1 and -1; by the time of BFMatcher "
-    "with L2. Right matches: ORB on pairs of photos of two computed scenes, kept by the ratio test and mutually, judged "
-    f"by the true cameras to {RIGHT:g} px. `L2 of bytes` takes each byte of eight bits for a number, `L2 of bits` takes "
-    "the bits for 256 numbers 0 and 1."
+    "Time: two nearest neighbours of SIFT (128 floats) and ORB (256 bits) descriptors of a picture and a reduced "
+    "copy of it by OpenCV's BFMatcher, and by the program's matrix product, which takes bits for rows of +1 and -1; "
+    "by the time of BFMatcher with L2. Right matches: ORB on pairs of photos of two computed scenes, kept by the "
+    f"ratio test and mutually, judged by the true cameras to {RIGHT:g} px. `L2 of bytes` takes each byte of eight "
+    "bits for a number, `L2 of bits` takes the bits for 256 numbers 0 and 1."
 )
 
 
@@ -47,7 +47,7 @@ class Settings:
     texture: int = scenes.FINE
 
 
-FULL, TINY = Settings(), Settings((50, 100), 512, 200, ("shapes",), (240, 180), scenes.COARSE)
+FULL, TINY = Settings(), Settings((50, 100), 512, 200, ("shapes",), (160, 120), scenes.COARSE)
 CHANGE = scenes.Change(yaw=15, roll=10, noise=4)
 KINDS = {"SIFT, L2": (opencv.sift, cv2.NORM_L2), "ORB, Hamming": (opencv.orb, cv2.NORM_HAMMING)}
 
@@ -70,7 +70,9 @@ def experiment(settings: Settings = FULL) -> Report:
         Table(
             "ORB's bits by three distances",
             ("distance", "kept", "right", "share of right ones"),
-            tuple((name, str(kept), str(right), percent(right / max(kept, 1))) for name, (kept, right) in quality.items()),
+            tuple(
+                (name, str(kept), str(right), percent(right / max(kept, 1))) for name, (kept, right) in quality.items()
+            ),
         ),
     )
     return Report(TITLE, CLAIM, METHOD, findings(times[counts[-1]], quality), tables, (plot,))
@@ -145,8 +147,8 @@ def findings(times: dict[str, float], quality: dict[str, tuple[int, int]]) -> tu
         ),
         Finding(
             "does not hold" if product < hamming else "holds",
-            f"as one matrix product, L2 on 128 floats takes {product / hamming:.2f} times as long as Hamming by BFMatcher, "
-            f"and Hamming {signs / hamming:.2f} times: it is the loop that is slow, not the distance.",
+            f"as one matrix product, L2 on 128 floats takes {product / hamming:.2f} times as long as Hamming by "
+            f"BFMatcher, and Hamming {signs / hamming:.2f} times: it is the loop that is slow, not the distance.",
         ),
         Finding(
             "holds" if lost > SAME else "does not hold",
@@ -154,8 +156,8 @@ def findings(times: dict[str, float], quality: dict[str, tuple[int, int]]) -> tu
         ),
         Finding(
             "does not hold",
-            f"L2 of the bits themselves is no mistake: it is the square root of Hamming, so that the nearest stays the "
-            f"nearest. The ratio test then means another ratio ({MatchingOptions().ratio:g} squared), and keeps {kept_bits} "
-            f"matches with {right_bits} right ones ({more:+.0%}).",
+            "L2 of the bits themselves is no mistake: it is the square root of Hamming, so that the nearest stays "
+            f"the nearest. The ratio test then means another ratio ({MatchingOptions().ratio:g} squared), and keeps "
+            f"{kept_bits} matches with {right_bits} right ones ({more:+.0%}).",
         ),
     )

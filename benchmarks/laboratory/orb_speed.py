@@ -7,10 +7,10 @@ from typing import Any
 
 import cv2
 import numpy as np
-import scenes
-from report import Claim, Finding, Plot, Report, Series, Table
 
+import scenes
 from panostitch.features import DETECTORS
+from report import Claim, Finding, Plot, Report, Series, Table
 
 TITLE = "Frames a second of ORB"
 CLAIM = Claim(
@@ -21,10 +21,10 @@ COUNT = 1000  # key points
 REPEATS = 5
 PROMISED = {"SIFT": 100.0, "SURF": 10.0}
 METHOD = (
-    f"Every detector finds and describes {COUNT} key points in a photo of a computed world of shapes, at several sizes; "
-    "one thread, the least of five runs, means of three photos. Frames a second are given as a share of ORB's at "
-    "320 x 240. `ORB` is OpenCV's as it comes; `ORB here` as the program calls it, which asks for six times as many points "
-    "and spreads them. SURF is the program's own, in NumPy, the others are OpenCV's, in C++."
+    f"Every detector finds and describes {COUNT} key points in a photo of a computed world of shapes, at several "
+    "sizes; one thread, the least of five runs, means of three photos. Frames a second are given as a share of ORB's "
+    "at 320 x 240. `ORB` is OpenCV's as it comes; `ORB here` as the program calls it, which asks for six times as "
+    "many points and spreads them. SURF is the program's own, in NumPy, the others are OpenCV's, in C++."
 )
 
 
@@ -70,7 +70,11 @@ def experiment(settings: Settings = FULL) -> Report:
     )  # fmt: skip
     others = [name for name in times if name != "ORB"]
     rows = [
-        (f"{width} x {height}", f"{unit / times['ORB'][n]:.3f}", *(f"{times[o][n] / times['ORB'][n]:.1f}" for o in others))
+        (
+            f"{width} x {height}",
+            f"{unit / times['ORB'][n]:.3f}",
+            *(f"{times[o][n] / times['ORB'][n]:.1f}" for o in others),
+        )
         for n, (width, height) in enumerate(settings.sizes)
     ]
     head = ("photo", "frames a second of ORB, as a share", *(f"{name}: times as long as ORB" for name in others))
@@ -88,7 +92,9 @@ def findings(times: dict[str, list[float]]) -> tuple[Finding, ...]:
     said = []
     for name, promised in PROMISED.items():
         factors = [other / own for other, own in zip(times[name], times["ORB"], strict=True)]
-        verdict = "holds" if min(factors) >= promised else "holds in part" if max(factors) >= promised else "does not hold"
+        verdict = (
+            "holds" if min(factors) >= promised else "holds in part" if max(factors) >= promised else "does not hold"
+        )
         text = f"ORB is {min(factors):.1f} to {max(factors):.1f} times as fast as {name}, not {promised:.0f} times."
         said.append(Finding(verdict, text.replace(f", not {promised:.0f} times", "") if verdict == "holds" else text))
     here = [other / own for other, own in zip(times["ORB here"], times["ORB"], strict=True)]
@@ -96,8 +102,8 @@ def findings(times: dict[str, list[float]]) -> tuple[Finding, ...]:
     said.append(
         Finding(
             "does not hold" if min(slower) < PROMISED["SIFT"] else "holds",
-            f"as the program calls it, ORB takes {min(here):.1f} to {max(here):.1f} times as long as it does as it comes, "
-            f"and is {min(slower):.1f} to {max(slower):.1f} times as fast as SIFT.",
+            f"as the program calls it, ORB takes {min(here):.1f} to {max(here):.1f} times as long as it does as it "
+            f"comes, and is {min(slower):.1f} to {max(slower):.1f} times as fast as SIFT.",
         )
     )
     return tuple(said)

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
-from report import Plot
 
 from panostitch.debug.ink import colour
+from report import Plot
 
 STYLE = {
     "svg.fonttype": "none",  # letters stay letters: small files that can be searched

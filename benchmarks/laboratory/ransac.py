@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from report import Claim, Finding, Plot, Report, Series, Table, cells
 
 from panostitch.geometry import homography
+from report import Claim, Finding, Plot, Report, Series, Table, cells
 
 TITLE = "Samples that RANSAC needs"
 CLAIM = Claim(
@@ -24,12 +24,12 @@ SAMPLE = 4
 AS_TOLD = 1.25  # times the theory: more is not what was promised,
 STEP = 2.0  # where it is known to a power of two only
 METHOD = (
-    f"200 matches of a known homography between photos of {SIZE[0]:.0f} x {SIZE[1]:.0f} px with noise of {NOISE:g} px, of "
-    f"which a share is replaced by random ones; threshold {THRESHOLD:g} px. A sample has found the homography if the "
-    f"model through its four matches explains {FOUND:.0%} of the true inliers. From the share q of samples that do, "
-    f"drawn many thousand times, come the samples after which one has done so with p = {P:g}: log(1 - p) / log(1 - q). "
-    "The same without noise. MAGSAC++ is OpenCV's, with local optimisation, as the program calls it but with a bound on "
-    f"the iterations: the least power of two with which {P:.0%} of the trials find the homography."
+    f"200 matches of a known homography between photos of {SIZE[0]:.0f} x {SIZE[1]:.0f} px with noise of {NOISE:g} "
+    f"px, of which a share is replaced by random ones; threshold {THRESHOLD:g} px. A sample has found the homography "
+    f"if the model through its four matches explains {FOUND:.0%} of the true inliers. From the share q of samples "
+    f"that do, drawn many thousand times, come the samples after which one has done so with p = {P:g}: log(1 - p) / "
+    "log(1 - q). The same without noise. MAGSAC++ is OpenCV's, with local optimisation, as the program calls it but "
+    f"with a bound on the iterations: the least power of two with which {P:.0%} of the trials find the homography."
 )
 
 
@@ -127,7 +127,9 @@ def models(src: NDArray[np.float64], dst: NDArray[np.float64]) -> NDArray[np.flo
     system = np.concatenate(rows, axis=1)
     sound = np.abs(np.linalg.det(system)) > 0
     entries = np.full((len(src), 8), np.nan)
-    entries[sound] = np.linalg.solve(system[sound], np.concatenate([dst[..., 0], dst[..., 1]], axis=1)[sound, :, None])[..., 0]
+    entries[sound] = np.linalg.solve(system[sound], np.concatenate([dst[..., 0], dst[..., 1]], axis=1)[sound, :, None])[
+        ..., 0
+    ]
     return np.concatenate([entries, np.ones((len(src), 1))], axis=1).reshape(-1, 3, 3)
 
 
@@ -175,14 +177,18 @@ def findings(theory: list[float], plain: dict[float, list[float]], magsac: list[
         ),
         Finding(
             "holds" if noisy.max() < AS_TOLD else "does not hold",
-            f"with noise of {NOISE:g} px it needs {noisy.min():.1f} to {noisy.max():.1f} times as many samples: four noisy "
-            "matches that lie close together give a model that is right there and wrong elsewhere, so that not every "
-            "sample of inliers is a good one.",
+            f"with noise of {NOISE:g} px it needs {noisy.min():.1f} to {noisy.max():.1f} times as many samples: four "
+            "noisy matches that lie close together give a model that is right there and wrong elsewhere, so that not "
+            "every sample of inliers is a good one.",
         ),
         Finding(
-            "holds" if few.max(initial=0) < STEP else "holds in part" if few.min(initial=np.inf) < STEP else "does not hold",
-            f"with the same noise MAGSAC++ needs {few.min(initial=np.inf):.2g} to {few.max(initial=0):.2g} times as many as "
-            "the formula says, to a power of two: it improves what it finds on all that agrees (local optimisation), so "
-            "that a sample of inliers is good again.",
+            "holds"
+            if few.max(initial=0) < STEP
+            else "holds in part"
+            if few.min(initial=np.inf) < STEP
+            else "does not hold",
+            f"with the same noise MAGSAC++ needs {few.min(initial=np.inf):.2g} to {few.max(initial=0):.2g} times as "
+            "many as the formula says, to a power of two: it improves what it finds on all that agrees (local "
+            "optimisation), so that a sample of inliers is good again.",
         ),
     )

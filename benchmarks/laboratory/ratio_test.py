@@ -3,19 +3,19 @@
 from dataclasses import dataclass
 
 import numpy as np
-import scenes
 from numpy.typing import NDArray
-from report import Claim, Finding, Plot, Report, Series, Table, percent
 
+import scenes
 from panostitch.features import DETECTORS
 from panostitch.matching import brute_force, ratio
 from panostitch.matching.neighbours import Neighbours
 from panostitch.options import MAX_FEATURES
+from report import Claim, Finding, Plot, Report, Series, Table, percent
 
 TITLE = "What the ratio test removes"
 CLAIM = Claim(
-    "A match is kept if its nearest neighbour is less than 0.8 times as far as the second nearest: this removes 90 % of "
-    "the false matches and less than 5 % of the correct ones.",
+    "A match is kept if its nearest neighbour is less than 0.8 times as far as the second nearest: this removes 90 % "
+    "of the false matches and less than 5 % of the correct ones.",
     "Lowe 2004, section 7.1, of SIFT",
 )
 RIGHT = 4.0  # px: as far as a true match may be off
@@ -116,7 +116,8 @@ def table(judged: dict[str, Judged], settings: Settings) -> Table:
     tests = [(f"ratio {limit:g}", lambda one, limit=limit: one.removed(limit)) for limit in settings.ratios]
     tests += [("mutual", Judged.not_mutual), (f"mutual and {LOWE:g}", lambda one: one.removed_by_both(LOWE))]
     rows = [
-        (label, *(" / ".join(percent(share) for share in test(one)) for one in judged.values())) for label, test in tests
+        (label, *(" / ".join(percent(share) for share in test(one)) for one in judged.values()))
+        for label, test in tests
     ]
     counts = ("right among nearest", *(percent(float(one.right.mean())) for one in judged.values()))
     return Table("Removed: wrong ones / right ones", ("test", *judged), (counts, *rows))

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from report import Claim, Finding, Plot, Report, Series, Table, percent
 
 from panostitch.debug import draw, ink
 from panostitch.features import detect
@@ -21,6 +20,7 @@ from panostitch.synthetic.render import photograph_plan
 from panostitch.synthetic.rig import view_of_plane
 from panostitch.synthetic.scene import plane_scene
 from panostitch.synthetic.score import pair_errors
+from report import Claim, Finding, Plot, Report, Series, Table, percent
 
 TITLE = "Repeated patterns"
 CLAIM = Claim(
@@ -35,13 +35,13 @@ NOISE = 2.0  # grey levels
 GRAIN = 6.0  # grey levels, before it is smoothed
 NEARLY_ALL, HALF = 0.9, 0.5
 METHOD = (
-    f"A flat facade of {COLUMNS} x {ROWS} windows on plaster with a faint grain. Every window has something of its own in "
-    "it, but after some columns, the period, the same windows come again: with a period of 1 all windows of a row are "
-    f"alike, with one of {COLUMNS} none. Five photos, each of 4.8 columns and taken 1.5 columns on. SIFT; key points matched "
-    f"between neighbours are right within {RIGHT:g} px of the truth. Links are what verification makes of all ten pairs, "
-    f"right if their homography is within {RIGHT_LINK:g} px of the true one in the median; the one pair that shares nothing "
-    "can only be linked wrongly. `cycles` is the program's step that drops links which contradict the cycles that they "
-    "lie on. Three facades for each period, all together."
+    f"A flat facade of {COLUMNS} x {ROWS} windows on plaster with a faint grain. Every window has something of its "
+    "own in it, but after some columns, the period, the same windows come again: with a period of 1 all windows of a "
+    f"row are alike, with one of {COLUMNS} none. Five photos, each of 4.8 columns and taken 1.5 columns on. SIFT; key "
+    f"points matched between neighbours are right within {RIGHT:g} px of the truth. Links are what verification makes "
+    f"of all ten pairs, right if their homography is within {RIGHT_LINK:g} px of the true one in the median; the one "
+    "pair that shares nothing can only be linked wrongly. `cycles` is the program's step that drops links which "
+    "contradict the cycles that they lie on. Three facades for each period, all together."
 )
 
 
@@ -55,7 +55,7 @@ class Settings:
     facades: int = 3
 
 
-FULL, TINY = Settings(), Settings((1, 12), 60, (240, 180), 1)
+FULL, TINY = Settings(), Settings((1, 12), 40, (160, 120), 1)
 PHOTOS = 5
 STEP = 0.25  # half widths of the facade
 SHOWN = 1  # number of the period that the picture shows
@@ -187,9 +187,7 @@ def outcome(photos: list[Photo], cameras: list[Camera]) -> Outcome:
     return Outcome(raw, ratio_test, mutual, both, verified, cycles)
 
 
-def right(
-    first: Camera, second: Camera, here: Features, there: Features, neighbours: Neighbours
-) -> NDArray[np.bool_]:
+def right(first: Camera, second: Camera, here: Features, there: Features, neighbours: Neighbours) -> NDArray[np.bool_]:
     """Which nearest neighbours (n,) are where the cameras see the point."""
     off = np.linalg.norm(second.project(first.rays(here.xy)) - there.xy[neighbours.index], axis=1)
     return np.asarray(off <= RIGHT)
@@ -213,8 +211,9 @@ def shown(settings: Settings) -> tuple[str, NDArray[np.uint8]]:
     """Two photos of a facade with what passes both tests, in green and red, and what it says below."""
     period = settings.periods[SHOWN]
     photos, cameras = photographed(period, 0, settings)
-    (first, second), (here, there) = photos[:2], (
-        one for one in detect(photos[:2], Options().features) if isinstance(one, Features)
+    (first, second), (here, there) = (
+        photos[:2],
+        (one for one in detect(photos[:2], Options().features) if isinstance(one, Features)),
     )
     neighbours = MATCHERS["brute"](here.descriptors, there.descriptors, seed=0)
     good = right(cameras[0], cameras[1], here, there, neighbours)
@@ -244,8 +243,8 @@ def findings(found: dict[int, Outcome]) -> tuple[Finding, ...]:
     return (
         Finding(
             "holds" if gone >= NEARLY_ALL else "does not hold",
-            f"the ratio test removes {percent(gone)} of the wrong matches, and {percent(lost)} of the right ones with them: "
-            "of many like windows one is the nearest by chance, and often clearly so.",
+            f"the ratio test removes {percent(gone)} of the wrong matches, and {percent(lost)} of the right ones with "
+            "them: of many like windows one is the nearest by chance, and often clearly so.",
         ),
         Finding(
             "holds" if right_share(total.both) >= NEARLY_ALL else "does not hold",
@@ -253,13 +252,13 @@ def findings(found: dict[int, Outcome]) -> tuple[Finding, ...]:
         ),
         Finding(
             "holds" if not wrong[0] else "does not hold",
-            f"after RANSAC {wrong[0]} of {total.verified[0]} links are wrong: matches that are wrong by the same number of "
-            "windows agree with each other.",
+            f"after RANSAC {wrong[0]} of {total.verified[0]} links are wrong: matches that are wrong by the same "
+            "number of windows agree with each other.",
         ),
         Finding(
             "holds" if not wrong[1] else "holds in part" if wrong[1] < HALF * wrong[0] else "does not hold",
-            f"that cycles tell wrong links from right ones (Zach et al. 2010): of {wrong[0]} wrong links {wrong[1]} are "
-            f"left, and {rights[1]} of {rights[0]} right ones. Where a whole facade repeats itself wrong links agree with each "
-            "other around cycles as well.",
+            f"that cycles tell wrong links from right ones (Zach et al. 2010): of {wrong[0]} wrong links {wrong[1]} "
+            f"are left, and {rights[1]} of {rights[0]} right ones. Where a whole facade repeats itself wrong links "
+            "agree with each other around cycles as well.",
         ),
     )

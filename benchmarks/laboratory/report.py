@@ -106,8 +106,12 @@ def page(name: str, report: Report, versions: str) -> str:
 def index(entries: Sequence[tuple[str, str, Claim, str]]) -> str:
     """The front page, from names, titles, claims and verdicts."""
     lines = ["# The laboratory", "", MADE_BY, ""]
-    lines += ["What textbooks say of the methods that stitching is made of, and what comes out when it is measured with"]
-    lines += ["the code of this program, on scenes whose truth is known. Times are ratios: they say which is quicker on"]
+    lines += [
+        "What textbooks say of the methods that stitching is made of, and what comes out when it is measured with"
+    ]
+    lines += [
+        "the code of this program, on scenes whose truth is known. Times are ratios: they say which is quicker on"
+    ]
     lines += ["the same machine, not how long it takes on yours. `make laboratory` measures all of it again."]
     lines += ["", "| experiment | the claim | measured |", "|---|---|---|"]
     lines += [f"| [{title}]({name}.md) | {claim.text} | {verdict} |" for name, title, claim, verdict in entries]

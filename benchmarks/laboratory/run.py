@@ -3,8 +3,8 @@
     python benchmarks/laboratory/run.py                 all of them
     python benchmarks/laboratory/run.py --only NAME     one of them; may be repeated
 
-Times are ratios, taken of processor time on one thread. An experiment is a module with TITLE, CLAIM, `experiment()` and,
-for its test, settings TINY; it is entered in EXPERIMENTS.
+Times are ratios, taken of processor time on one thread. An experiment is a module with TITLE, CLAIM, `experiment()`
+and, for its test, settings TINY; it is entered in EXPERIMENTS.
 """
 
 import argparse
@@ -15,18 +15,19 @@ from pathlib import Path
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # read when NumPy is loaded
 
-import corners
 import cv2
+import numpy as np
+from PIL import Image
+
+import corners
 import distances
 import matchers
-import numpy as np
+import moved_camera
 import orb_speed
-import parallax
 import ransac
 import ratio_test
 import repeated_patterns
 import surf_sift
-from PIL import Image
 from report import Report, index, page, verdict_on
 
 DOCS = Path(__file__).parents[2] / "docs" / "explanation" / "laboratory"
@@ -41,14 +42,16 @@ EXPERIMENTS = {
     "orb-speed": orb_speed,
     "corners": corners,
     "repeated-patterns": repeated_patterns,
-    "parallax": parallax,
+    "parallax": moved_camera,
 }
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the experiments that the command line names."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", action="append", choices=list(EXPERIMENTS), metavar="NAME", help="; ".join(EXPERIMENTS))
+    parser.add_argument(
+        "--only", action="append", choices=list(EXPERIMENTS), metavar="NAME", help="; ".join(EXPERIMENTS)
+    )
     parser.add_argument("--docs", type=Path, default=DOCS, help="folder for the pages")
     given = parser.parse_args(arguments)
     cv2.setNumThreads(1)

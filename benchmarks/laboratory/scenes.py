@@ -22,7 +22,7 @@ Grey = NDArray[np.uint8]
 SEED = 7
 HFOV = np.deg2rad(55)
 SCENES = ("hall", "shapes")
-FINE, COARSE = 4096, 1024  # px, widths of the textures
+FINE, COARSE = 4096, 512  # px, widths of the textures
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,9 @@ def nearest(points: Floats, others: NDArray[np.floating]) -> Floats:
     return distance
 
 
-def repeatability(first: View, second: View, xy_i: NDArray[np.floating], xy_j: NDArray[np.floating], px: float) -> float:
+def repeatability(
+    first: View, second: View, xy_i: NDArray[np.floating], xy_j: NDArray[np.floating], px: float
+) -> float:
     """Share of the points of the first photo, in sight of the second, that were found there again within `px`.
 
     Schmid, Mohr & Bauckhage, "Evaluation of interest point detectors", IJCV 2000.

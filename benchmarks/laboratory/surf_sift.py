@@ -4,13 +4,13 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import scenes
-from report import Claim, Finding, Plot, Report, Series, Table, cells, percent
 
+import scenes
 from panostitch.features import DETECTORS
 from panostitch.matching import brute_force
 from panostitch.matching.ratio import believable
 from panostitch.options import MatchingOptions
+from report import Claim, Finding, Plot, Report, Series, Table, cells, percent
 
 TITLE = "SURF against SIFT"
 CLAIM = Claim(
@@ -26,11 +26,11 @@ NEAR = 0.05  # of repeatability, of right matches: so much less is still near
 REPEATS = 3
 METHOD = (
     f"Both find {COUNT} key points in photos of the same size, 960 x 720, of two computed scenes; the second photo is "
-    "rolled, zoomed or noisier. Repeatability: the share of the first photo's points, in sight of the second, that were "
-    f"found there again within {PLACE:g} px. Right matches: nearest neighbours that pass the ratio test mutually and lie "
-    f"within {RIGHT:g} px of the truth; their error is the median distance from it. Time: of both photos, detected and "
-    "described, on one thread. SURF is the program's own, in NumPy; SIFT is OpenCV's, in C++. (In the program SIFT "
-    "searches smaller pictures than SURF, as it doubles them by itself: here both get the same.)"
+    "rolled, zoomed or noisier. Repeatability: the share of the first photo's points, in sight of the second, that "
+    f"were found there again within {PLACE:g} px. Right matches: nearest neighbours that pass the ratio test mutually "
+    f"and lie within {RIGHT:g} px of the truth; their error is the median distance from it. Time: of both photos, "
+    "detected and described, on one thread. SURF is the program's own, in NumPy; SIFT is OpenCV's, in C++. (In the "
+    "program SIFT searches smaller pictures than SURF, as it doubles them by itself: here both get the same.)"
 )
 
 
@@ -46,7 +46,7 @@ class Settings:
     noises: tuple[float, ...] = (0, 5, 10, 15, 20)
 
 
-FULL, TINY = Settings(), Settings(("shapes",), (240, 180), scenes.COARSE, (0, 45), (1.0, 1.5), (0, 10))
+FULL, TINY = Settings(), Settings(("shapes",), (160, 120), scenes.COARSE, (0, 45), (1.0, 1.5), (0, 10))
 KINDS = ("roll", "zoom", "noise")
 UNITS = {"roll": "roll, degrees", "zoom": "zoom, times", "noise": "noise, grey levels"}
 

@@ -73,9 +73,7 @@ def entry(text, name):
     return found.group()
 
 
-@pytest.mark.parametrize(
-    "arguments", [[], ["stitch"], ["align"], ["render"], ["batch"], ["compare"], ["selftest"], ["doctor"], ["inspect"]]
-)
+@pytest.mark.parametrize("arguments", [[], *([name] for name in COMMANDS)])
 def test_help_does_not_wait_for_large_libraries(arguments):
     program = (
         "import sys; from panostitch.cli.main import run; code = run(sys.argv[1:]);"

@@ -1,6 +1,7 @@
 """A picture of all detectors: a row for each, with its key points and its matches on the pair that is linked best."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from panostitch.debug import draw, ink
 from panostitch.geometry.sampling import rescale
@@ -33,11 +34,10 @@ def _row(
     trial: Trial, number: int, photos: tuple[Photo, Photo], panels: tuple[ink.Picture, ink.Picture]
 ) -> ink.Picture:
     matches = trial.matches[number]
-    places = [
-        _placed(trial.features[n], photo, panel)
-        for n, photo, panel in zip((matches.i, matches.j), photos, panels, strict=True)
-    ]
-    here, there = places[0].xy[matches.pairs[:, 0]], places[1].xy[matches.pairs[:, 1]]
+    here, there = (
+        _placed(trial.features[n].xy[matches.pairs[:, side]], photos[side], panels[side])
+        for side, n in enumerate((matches.i, matches.j))
+    )
     if trial.right:
         right = trial.right[number]
         groups = [
@@ -46,8 +46,7 @@ def _row(
         ]
     else:
         groups = [draw.Lines(here, there)]
-    points = draw.features(panels[0], places[0].xy, places[0].scale, places[0].angle, places[0].response)
-    lines = draw.matches(*panels, groups)
+    points, lines = _key_points(trial.features[matches.i], photos[0], panels[0]), draw.matches(*panels, groups)
     sheet = ink.blank(LABEL + lines.shape[0] + GAP, points.shape[1] + GAP + lines.shape[1])
     ink.write(sheet, ink.shorten(_words(trial, number, photos), sheet.shape[1] - 2 * GAP), (GAP, LABEL / 2))
     sheet[LABEL : LABEL + points.shape[0], : points.shape[1]] = points
@@ -55,18 +54,15 @@ def _row(
     return sheet
 
 
-def _placed(features: Features, photo: Photo, panel: ink.Picture) -> Features:
-    """The key points in px of the panel."""
-    factor = np.array(panel.shape[1::-1]) / photo.size
-    size = float(np.sqrt(factor.prod()))
-    return Features(
-        rescale(features.xy, factor),
-        features.scale * np.float32(size),
-        features.angle,
-        features.response,
-        features.descriptors,
-        features.pixel_size * size,
-    )
+def _key_points(features: Features, photo: Photo, panel: ink.Picture) -> ink.Picture:
+    size = panel.shape[1] / photo.size[0]
+    angle, response = features.angle.astype(np.float64), features.response.astype(np.float64)
+    return draw.features(panel, _placed(features.xy, photo, panel), features.scale * size, angle, response)
+
+
+def _placed(xy: NDArray[np.float32], photo: Photo, panel: ink.Picture) -> NDArray[np.float64]:
+    """Px (n, 2) of a photo in px of its panel."""
+    return rescale(xy.astype(np.float64), np.array(panel.shape[1::-1]) / photo.size)
 
 
 def _words(trial: Trial, number: int, photos: tuple[Photo, Photo]) -> str:

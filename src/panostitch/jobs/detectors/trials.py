@@ -7,7 +7,7 @@ that were measured again by registering patches of the full photos, finer than a
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from itertools import product
 from typing import Any, TypeVar
 
@@ -24,7 +24,7 @@ from panostitch.model.camera import Camera
 from panostitch.model.features import Features
 from panostitch.model.match import Link, PutativeMatch, VerifiedMatch
 from panostitch.model.photo import Photo, Pixels
-from panostitch.options import Options
+from panostitch.options import FeatureOptions, Options
 from panostitch.runtime.executor import Executor, serial
 from panostitch.runtime.trace import Trace, silent
 from panostitch.synthetic.score import pair_errors
@@ -125,17 +125,23 @@ class Contest:
         return {
             "photos": [photo.name for photo in self.photos],
             "pairs": [[self.photos[n].name for n in pair] for pair in self.pairs],
-            "left_out": [photo.name for photo in reference.left_out] if reference else [],
+            "left_out": [vars(photo) for photo in reference.left_out] if reference else [],
             "reference": {"model": reference.model, "rms": reference.rms} if reference else None,
             "trials": [trial.to_json() for trial in self.trials],
         }
 
 
 @dataclass(frozen=True)
-class _Kept:
-    """A photo's pixels that stay in memory once they are read, so that reading them is not timed."""
+class _Read:
+    """What a photo's source yielded at the one scale that is asked for, so that reading it is not timed."""
 
-    read: Callable[[float], tuple[Pixels, Pixels | None]]
+    pixels: Pixels
+    mask: Pixels | None
+
+    def read(self, scale: float = 1.0) -> tuple[Pixels, Pixels | None]:
+        """The same, whatever the scale."""
+        del scale
+        return self.pixels, self.mask
 
 
 def hold(photos: Sequence[Photo], options: Options, *, run: Executor = serial, trace: Trace = silent) -> Contest:
@@ -149,7 +155,7 @@ def hold(photos: Sequence[Photo], options: Options, *, run: Executor = serial, t
         photos = reference.photos
     found = {
         name: [
-            _detected(photo, replace(options, features=replace(options.features, detector=name)))
+            _detected(photo, Options.of(**{**vars(options.features), "detector": name}).features)
             for photo in run.progress(photos, total=len(photos), label=f"Trying {name}")
         ]
         for name in DETECTORS
@@ -175,11 +181,10 @@ def _aligned(
         return None, error
 
 
-def _detected(photo: Photo, options: Options) -> tuple[Features, float]:
+def _detected(photo: Photo, options: FeatureOptions) -> tuple[Features, float]:
     """Key points of a photo, and the milliseconds that they took."""
-    kept = replace(photo, source=_Kept(cache(photo.source.read)))
-    kept.source.read(read_scale(photo, options.features))
-    return _timed(lambda: detect_one(kept, options.features))
+    in_memory = replace(photo, source=_Read(*photo.source.read(read_scale(photo, options))))
+    return _timed(partial(detect_one, in_memory, options))
 
 
 def _trial(
@@ -193,7 +198,7 @@ def _trial(
     """One detector (a name in `found`) with one matcher."""
     detector, matcher = names
     features = [features for features, _ in found[detector]]
-    matching = replace(options.matching, matcher=matcher)
+    matching = Options.of(**{**vars(options.matching), "matcher": matcher}).matching
     timed = [_timed(partial(match, features, [pair], matching)) for pair in pairs]
     matches = [one for (one,), _ in timed]
     links = verify(photos, features, matches, matching)
@@ -207,7 +212,7 @@ def _trial(
         tuple(matches),
         tuple(links),
         tuple(_right(cameras, features, one) for one in matches) if cameras else None,
-        np.concatenate([np.zeros(0), *(_errors(cameras, link) for link in links)]) if cameras else None,
+        np.concatenate([np.zeros(0), *(errors_of(cameras, link) for link in links)]) if cameras else None,
     )
 
 
@@ -220,12 +225,13 @@ def _timed(work: Callable[[], Result]) -> tuple[Result, float]:
 
 def _right(cameras: Sequence[Camera], features: Sequence[Features], match: PutativeMatch) -> NDArray[np.bool_]:
     """Which of the kept matches (m,) of a pair are where the cameras see them."""
-    there = cameras[match.j].project(cameras[match.i].rays(features[match.i].xy[match.pairs[:, 0]]))
+    here = features[match.i].xy[match.pairs[:, 0]].astype(np.float64)
+    there = cameras[match.j].project(cameras[match.i].rays(here))
     off = np.linalg.norm(there - features[match.j].xy[match.pairs[:, 1]], axis=1)
     return np.asarray(off <= RIGHT * max(cameras[match.j].size))  # NaN, which no camera sees, is not
 
 
-def _errors(cameras: Sequence[Camera], link: Link) -> NDArray[np.float64]:
+def errors_of(cameras: Sequence[Camera], link: Link) -> NDArray[np.float64]:
     """Distances (n,) px in photo j between where the homography and the cameras put a grid of points; none unlinked."""
     if not isinstance(link, VerifiedMatch):
         return np.zeros(0)

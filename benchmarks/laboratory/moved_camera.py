@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from report import Claim, Finding, Plot, Report, Series, Table, cells
 
 from panostitch.geometry import homography
+from report import Claim, Finding, Plot, Report, Series, Table, cells
 
 TITLE = "A homography under parallax"
 CLAIM = Claim(
-    "A homography relates two photos exactly only if the camera merely turned or the scene is flat; else points at depths "
-    "Z1 and Z2 move apart by f b (1/Z1 - 1/Z2) pixels, f the focal length and b the baseline.",
+    "A homography relates two photos exactly only if the camera merely turned or the scene is flat; else points at "
+    "depths Z1 and Z2 move apart by f b (1/Z1 - 1/Z2) pixels, f the focal length and b the baseline.",
     "Hartley & Zisserman 2004, chapters 8 and 13; Szeliski 2006",
 )
 FOCAL = 900.0  # px
@@ -25,11 +25,11 @@ WIDE = 1e4  # px: a width of the robust loss under which every point counts in f
 ALIKE = 0.1  # of the formula: so much off still agrees with it
 SOFT = 0.6  # of the formula: a fit that gets below it has hidden some of the parallax
 METHOD = (
-    f"Points without noise, seen by two cameras (focal length {FOCAL:g} px, photos of {SIZE[0]:.0f} x {SIZE[1]:.0f} px) that "
-    "are turned by 10 degrees and moved sideways. Lengths are in units of the nearest depth. Scenes: two walls, half of the "
-    "points on each; depths anywhere between near and far, all over the photo; and a slanted plane from near to far. "
-    "Homographies: least squares over all points, and the program's (MAGSAC++, threshold 3 px). The error is the root "
-    "mean square over all points, inliers or not."
+    f"Points without noise, seen by two cameras (focal length {FOCAL:g} px, photos of {SIZE[0]:.0f} x {SIZE[1]:.0f} "
+    "px) that are turned by 10 degrees and moved sideways. Lengths are in units of the nearest depth. Scenes: two "
+    "walls, half of the points on each; depths anywhere between near and far, all over the photo; and a slanted "
+    "plane from near to far. Homographies: least squares over all points, and the program's (MAGSAC++, threshold 3 "
+    "px). The error is the root mean square over all points, inliers or not."
 )
 
 
@@ -84,15 +84,16 @@ def experiment(settings: Settings = FULL) -> Report:
     }
     widest, deepest = settings.baselines[-1], settings.depths[-1]
     moved = [baseline for baseline in settings.baselines if baseline]
+    farther = {world: [found[world, widest, far] for far in settings.depths] for world in WORLDS}
     by_depth = Plot(
         "parallax-depth", f"Error of a homography, baseline {widest:g}", "far depth / near depth", "rms px",
         (
             Series("f b (1/Z1 - 1/Z2)", settings.depths, [told(widest, far) for far in settings.depths], theory=True),
             *(
-                Series(f"{world}, least squares", settings.depths, [found[world, widest, far].least_squares for far in settings.depths])
-                for world in WORLDS
+                Series(f"{world}, least squares", settings.depths, [one.least_squares for one in errors_of])
+                for world, errors_of in farther.items()
             ),
-            Series("two walls, MAGSAC++", settings.depths, [found["two walls", widest, far].robust for far in settings.depths]),
+            Series("two walls, MAGSAC++", settings.depths, [one.robust for one in farther["two walls"]]),
         ),
     )  # fmt: skip
     by_baseline = Plot(
@@ -142,10 +143,12 @@ def findings(found: dict[tuple[str, float, float], Errors], settings: Settings) 
     """What is exact, and how far the formula goes."""
     widest, flat, deepest = settings.baselines[-1], settings.depths[0], settings.depths[-1]
     turning = max(one.least_squares for (_, baseline, _), one in found.items() if baseline == 0)
-    planes = max(
-        one.least_squares for (world, _, far), one in found.items() if far == flat or world == "slanted plane"
+    planes = max(one.least_squares for (world, _, far), one in found.items() if far == flat or world == "slanted plane")
+    formula, walls, anywhere = (
+        told(widest, deepest),
+        found["two walls", widest, deepest],
+        found["any depth", widest, deepest],
     )
-    formula, walls, anywhere = told(widest, deepest), found["two walls", widest, deepest], found["any depth", widest, deepest]
     robust = walls.robust * np.sqrt(2) / formula  # half of the points are on the wall that it has chosen
     return (
         Finding(
@@ -154,9 +157,9 @@ def findings(found: dict[tuple[str, float, float], Errors], settings: Settings) 
         ),
         Finding(
             "holds" if planes < EXACT else "does not hold",
-            f"a flat scene: {planes:.0e} px off at worst, however far the camera moved, and also where the plane is slanted "
-            f"and its far end {deepest:g} times as far as its near one. Not the difference of depth counts, but the "
-            "departure from a plane.",
+            f"a flat scene: {planes:.0e} px off at worst, however far the camera moved, and also where the plane is "
+            f"slanted and its far end {deepest:g} times as far as its near one. Not the difference of depth counts, "
+            "but the departure from a plane.",
         ),
         Finding(
             "holds" if abs(robust - 1) < ALIKE else "does not hold",
@@ -166,7 +169,7 @@ def findings(found: dict[tuple[str, float, float], Errors], settings: Settings) 
         Finding(
             "does not hold" if walls.least_squares < SOFT * formula else "holds",
             f"least squares share the error out: {walls.least_squares / formula:.2f} times the formula for two walls, "
-            f"{anywhere.least_squares / formula:.2f} times where points have any depth between. The formula is the whole "
-            "range, not the error that is seen.",
+            f"{anywhere.least_squares / formula:.2f} times where points have any depth between. The formula is the "
+            "whole range, not the error that is seen.",
         ),
     )
