@@ -138,10 +138,10 @@ def findings(measured: dict[str, list[Measured]]) -> tuple[Finding, ...]:
 
 
 def on_time(name: str, rows: list[Measured], rival: str, ratios: list[float]) -> Finding:
-    """Where FLANN is quicker than a brute force, given how many times as long it takes."""
-    quicker = [m.count for m, ratio in zip(rows, ratios, strict=True) if ratio < 1]
+    """Where FLANN is quicker than a brute force, and stays so, given how many times as long it takes."""
+    slower = [n for n, ratio in enumerate(ratios) if ratio >= 1]
     most = f"{ratios[-1]:.2f} times as long with {rows[-1].count} features"
-    if not quicker:
-        return Finding("does not hold", f"{name}: FLANN is slower than {rival} with any number tried; {most}.")
-    where = "with every number tried" if len(quicker) == len(rows) else f"from {min(quicker)} features on"
+    if slower and slower[-1] == len(rows) - 1:
+        return Finding("does not hold", f"{name}: FLANN is not quicker than {rival} with many features; {most}.")
+    where = f"from {rows[slower[-1] + 1].count} features on" if slower else "with every number tried"
     return Finding("holds", f"{name}: FLANN is quicker than {rival} {where}; {most}.")
