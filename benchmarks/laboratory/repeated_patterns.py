@@ -227,7 +227,7 @@ def shown(settings: Settings) -> tuple[str, NDArray[np.uint8]]:
         f"A facade that repeats itself after {period} columns: {int(good[chosen].sum())} right matches (green) and "
         f"{int((~good[chosen]).sum())} wrong ones (red) pass the ratio test and are mutual, of {len(here)} key points."
     )
-    return caption, ink.to_bytes(ink.fit(drawn, 900))
+    return caption, ink.to_bytes(ink.fit(drawn, 800))
 
 
 def findings(found: dict[int, Outcome]) -> tuple[Finding, ...]:
