@@ -1,7 +1,6 @@
 """Harris against FAST: time, and repeatability under rotation, scale and noise."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -37,21 +36,7 @@ METHOD = (
 )
 
 
-@dataclass(frozen=True)
-class Settings:
-    """Scenes, size px of the photos, width px of the texture, amounts of each change."""
-
-    worlds: tuple[str, ...] = scenes.SCENES
-    size: tuple[int, int] = (960, 720)
-    texture: int = scenes.FINE
-    rolls: tuple[float, ...] = (0, 15, 30, 45, 60, 75, 90)
-    zooms: tuple[float, ...] = (1.0, 1.25, 1.5, 2.0, 2.5)
-    noises: tuple[float, ...] = (0, 5, 10, 15, 20)
-
-
-FULL, TINY = Settings(), Settings(("shapes",), (160, 120), scenes.COARSE, (0, 45), (1.0, 1.5), (0, 10))
-KINDS = ("roll", "zoom", "noise")
-UNITS = {"roll": "roll, degrees", "zoom": "zoom, times", "noise": "noise added, grey levels"}
+FULL, TINY = scenes.Sweep(), scenes.TINY_SWEEP
 
 
 def harris(grey: scenes.Grey) -> Any:
@@ -89,12 +74,12 @@ DETECT: dict[str, tuple[Callable[[scenes.Grey], Any], Callable[[Any], NDArray[np
 CHANCE = "by chance"
 
 
-def experiment(settings: Settings = FULL) -> Report:
+def experiment(settings: scenes.Sweep = FULL) -> Report:
     """Both detectors on all pairs."""
-    found = {kind: over_changes(kind, settings) for kind in KINDS}
+    found = {kind: over_changes(kind, settings) for kind in scenes.UNITS}
     plots = tuple(
         Plot(
-            f"corners-{kind}", f"Corners found again: {UNITS[kind]}", UNITS[kind], "repeatability, %",
+            f"corners-{kind}", f"Corners found again: {scenes.UNITS[kind]}", scenes.UNITS[kind], "repeatability, %",
             tuple(
                 Series(name, list(rows), [100 * one[name] for one in rows.values()], theory=name == CHANCE)
                 for name in (*DETECT, CHANCE)
@@ -113,15 +98,12 @@ def experiment(settings: Settings = FULL) -> Report:
     return Report(TITLE, CLAIM, METHOD, findings(found, ratio), (speed, table), plots)
 
 
-def over_changes(kind: str, settings: Settings) -> dict[float, dict[str, float]]:
+def over_changes(kind: str, settings: scenes.Sweep) -> dict[float, dict[str, float]]:
     """Repeatability by the amount of a change, and by the detector: means of the scenes."""
-    amounts = {"roll": settings.rolls, "zoom": settings.zooms, "noise": settings.noises}[kind]
-    found = {}
-    for amount in amounts:
-        change = scenes.Change(yaw=3, **{kind: amount})
-        pairs = [scenes.pair(scenes.scene(name, settings.texture), settings.size, change) for name in settings.worlds]
-        found[amount] = {name: scenes.mean([again(name, *pair) for pair in pairs]) for name in (*DETECT, CHANCE)}
-    return found
+    return {
+        amount: {name: scenes.mean([again(name, *pair) for pair in pairs]) for name in (*DETECT, CHANCE)}
+        for amount, pairs in settings.pairs(kind, yaw=3).items()
+    }
 
 
 def again(name: str, first: scenes.View, second: scenes.View) -> float:
@@ -135,7 +117,7 @@ def again(name: str, first: scenes.View, second: scenes.View) -> float:
     return scenes.repeatability(first, second, *places, PLACE)
 
 
-def slower(settings: Settings) -> float:
+def slower(settings: scenes.Sweep) -> float:
     """How many times as long as FAST Harris takes: mean of the scenes."""
     ratios = []
     for name in settings.worlds:

@@ -44,6 +44,31 @@ class Change:
     exposure: float = 0.0
 
 
+@dataclass(frozen=True)
+class Sweep:
+    """Changes one at a time: scenes, size px of the photos, width px of the texture, amounts by the kind of change."""
+
+    worlds: tuple[str, ...] = SCENES
+    size: tuple[int, int] = (960, 720)
+    texture: int = FINE
+    roll: tuple[float, ...] = (0, 15, 30, 45, 60, 75, 90)
+    zoom: tuple[float, ...] = (1.0, 1.25, 1.5, 2.0, 2.5)
+    noise: tuple[float, ...] = (0, 5, 10, 15, 20)
+
+    def pairs(self, kind: str, yaw: float) -> dict[float, list[list[View]]]:
+        """By the amount of a change, a pair of photos of each scene; the second also looks `yaw` degrees aside."""
+        return {
+            amount: [
+                pair(scene(world, self.texture), self.size, Change(yaw=yaw, **{kind: amount})) for world in self.worlds
+            ]
+            for amount in getattr(self, kind)
+        }
+
+
+TINY_SWEEP = Sweep(("shapes",), (160, 120), COARSE, (0, 45), (1.0, 1.5), (0, 10))
+UNITS = {"roll": "roll, degrees", "zoom": "zoom, times", "noise": "noise added, grey levels"}
+
+
 @cache
 def scene(name: str, width: int = FINE) -> Scene:
     """The hall with its pictures, plain walls and repetitions, or a world of shapes with detail everywhere."""

@@ -34,21 +34,7 @@ METHOD = (
 )
 
 
-@dataclass(frozen=True)
-class Settings:
-    """Scenes, size px of the photos, width px of the texture, changes by their names."""
-
-    worlds: tuple[str, ...] = scenes.SCENES
-    size: tuple[int, int] = (960, 720)
-    texture: int = scenes.FINE
-    rolls: tuple[float, ...] = (0, 15, 30, 45, 60, 75, 90)
-    zooms: tuple[float, ...] = (1.0, 1.25, 1.5, 2.0, 2.5)
-    noises: tuple[float, ...] = (0, 5, 10, 15, 20)
-
-
-FULL, TINY = Settings(), Settings(("shapes",), (160, 120), scenes.COARSE, (0, 45), (1.0, 1.5), (0, 10))
-KINDS = ("roll", "zoom", "noise")
-UNITS = {"roll": "roll, degrees", "zoom": "zoom, times", "noise": "noise, grey levels"}
+FULL, TINY = scenes.Sweep(), scenes.TINY_SWEEP
 
 
 @dataclass(frozen=True)
@@ -62,12 +48,12 @@ class Outcome:
     seconds: float
 
 
-def experiment(settings: Settings = FULL) -> Report:
+def experiment(settings: scenes.Sweep = FULL) -> Report:
     """Both detectors on all pairs."""
-    found = {kind: over_changes(kind, settings) for kind in KINDS}
+    found = {kind: over_changes(kind, settings) for kind in scenes.UNITS}
     plots = tuple(
         Plot(
-            f"surf-sift-{kind}", f"Right matches: {UNITS[kind]}", UNITS[kind], "right matches of a pair",
+            f"surf-sift-{kind}", f"Right matches: {scenes.UNITS[kind]}", scenes.UNITS[kind], "right matches of a pair",
             tuple(
                 Series(name, list(by_amount), [one[name].right for one in by_amount.values()]) for name in NAMES
             ),
@@ -87,17 +73,12 @@ def experiment(settings: Settings = FULL) -> Report:
     return Report(TITLE, CLAIM, METHOD, findings(means), (Table("Means of the scenes", head, tuple(rows)),), plots)
 
 
-def over_changes(kind: str, settings: Settings) -> dict[float, dict[str, Outcome]]:
-    """Outcomes by the amount of a change, and by the detector."""
-    amounts = {"roll": settings.rolls, "zoom": settings.zooms, "noise": settings.noises}[kind]
-    found = {}
-    for amount in amounts:
-        pairs = [
-            scenes.pair(scenes.scene(world, settings.texture), settings.size, scenes.Change(yaw=5, **{kind: amount}))
-            for world in settings.worlds
-        ]
-        found[amount] = {name: mean_of([outcome(name, *pair) for pair in pairs]) for name in NAMES}
-    return found
+def over_changes(kind: str, settings: scenes.Sweep) -> dict[float, dict[str, Outcome]]:
+    """Outcomes by the amount of a change, and by the detector: means of the scenes."""
+    return {
+        amount: {name: mean_of([outcome(name, *pair) for pair in pairs]) for name in NAMES}
+        for amount, pairs in settings.pairs(kind, yaw=5).items()
+    }
 
 
 def outcome(name: str, first: scenes.View, second: scenes.View) -> Outcome:

@@ -22,6 +22,17 @@ class Result:
     err: str
 
 
+@pytest.fixture
+def strangers(tmp_path: Path) -> Path:
+    """A folder with a.png and b.png, which have nothing in common."""
+    folder = tmp_path / "strangers"
+    folder.mkdir()
+    for name in "ab":
+        noise = np.random.default_rng(ord(name)).integers(0, 255, (120, 160, 3), np.uint8)
+        Image.fromarray(noise).save(folder / f"{name}.png")
+    return folder
+
+
 @pytest.fixture(scope="session")
 def photos(tmp_path_factory: pytest.TempPathFactory, views: list[NDArray[np.uint8]]) -> Path:
     """A folder with a.jpg, b.jpg and c.jpg, which overlap in a row."""

@@ -39,16 +39,6 @@ def photos(tmp_path_factory):
 
 
 @pytest.fixture
-def strangers(tmp_path):
-    folder = tmp_path / "strangers"
-    folder.mkdir()
-    for name in "ab":
-        noise = np.random.default_rng(ord(name)).integers(0, 255, (120, 160, 3), np.uint8)
-        cv2.imwrite(str(folder / f"{name}.png"), noise)
-    return folder
-
-
-@pytest.fixture
 def temporary(tmp_path, monkeypatch):
     """A folder for temporary files, of which none may stay."""
     folder = tmp_path / "temporary"

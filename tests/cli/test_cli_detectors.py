@@ -3,7 +3,6 @@
 import json
 
 import cv2
-import numpy as np
 import pytest
 
 from panostitch.cli.main import run
@@ -20,16 +19,6 @@ def photos(tmp_path_factory, views):
     folder = tmp_path_factory.mktemp("photos")
     for name, pixels in zip("ab", views, strict=False):
         cv2.imwrite(str(folder / f"{name}.png"), pixels[..., ::-1])
-    return folder
-
-
-@pytest.fixture
-def strangers(tmp_path):
-    folder = tmp_path / "strangers"
-    folder.mkdir()
-    for name in "ab":
-        noise = np.random.default_rng(ord(name)).integers(0, 255, (90, 120, 3), np.uint8)
-        cv2.imwrite(str(folder / f"{name}.png"), noise)
     return folder
 
 
