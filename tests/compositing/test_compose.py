@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from compositing.mosaics import alignment_of, panorama_of, shifted
-from panostitch.compositing import lay_out, plan
+from panostitch.compositing import lay_out, make_panorama, make_plan, plan
 from panostitch.compositing.compose import Sight
 from panostitch.compositing.cost import decoded_bytes, kept_bytes
 from panostitch.compositing.seams import SEAMS
@@ -157,6 +157,32 @@ def test_uncovered_pixels_are_black_and_masked(row, monkeypatch):
     for camera in row.cameras:
         x, y = panorama.canvas.pixels(camera.rays(np.array([camera.centre])))[0]
         assert layer.mask[round(y), round(x)]
+
+
+@pytest.mark.parametrize("factor", [1, 2, 4, 8])
+@pytest.mark.parametrize("width", [200, 203])
+def test_a_full_rectangle_is_covered_to_its_last_pixel(monkeypatch, width, factor):
+    # the canvas ends where the photos do, so that the first and last pixels of the reduced one are covered in part
+    cameras = [shifted((width, 151), x, y) for x, y in ((0.0, 0.0), (100.3, 0.4))]
+    alignment = alignment_of(cameras, [np.full((151, width, 3), LIGHT, np.uint8)] * 2, model="homography")
+    canvas, options = lay_out(alignment, LayoutOptions()), CompositingOptions()
+    monkeypatch.setattr(plan, "PLAN_PIXELS", 1.02 * canvas.region.area / factor**2)
+
+    planned = make_plan(alignment, canvas, options, "full")
+
+    assert planned.factor == factor
+    assert make_panorama(alignment, canvas, planned, options).read(planned.crop).mask.all()
+    assert planned.covered
+
+
+def test_a_full_rectangle_of_a_closed_turn_goes_all_around(ring, monkeypatch):
+    canvas, options = lay_out(ring, LayoutOptions()), CompositingOptions()
+    monkeypatch.setattr(plan, "PLAN_PIXELS", 1.02 * canvas.region.area / 4**2)
+
+    planned = make_plan(ring, canvas, options, "full")
+
+    assert planned.crop.width == canvas.size[0]
+    assert planned.covered
 
 
 @pytest.mark.parametrize("factor", [1, 4])

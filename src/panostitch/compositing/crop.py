@@ -84,13 +84,16 @@ def surely_covered(covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return inner
 
 
-def choose_crop(covered: NDArray[np.bool_], rule: str) -> Crop:
-    """The part of a coverage mask to keep by the rule auto, full or none."""
+def choose_crop(covered: NDArray[np.bool_], rule: str, sure: NDArray[np.bool_] | None = None) -> Crop:
+    """The part of a coverage mask to keep by the rule auto, full or none; a full rectangle holds only `sure` pixels.
+
+    Without `sure`, those of a reduced mask whose neighbours are covered as well.
+    """
     box = bounding_box(covered)
     if rule == "none" or not box:
         whole = Region(0, 0, covered.shape[1], covered.shape[0])
         return Crop(whole if box else box, "the whole canvas, not cropped")
-    rectangle = largest_rectangle(surely_covered(covered))
+    rectangle = largest_rectangle(surely_covered(covered) if sure is None else sure)
     kept = rectangle.area / max(int(covered.sum()), 1)
     if rule == "full" and rectangle:
         return Crop(rectangle, f"the largest full rectangle, {kept:.0%} of the view")

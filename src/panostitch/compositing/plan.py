@@ -72,7 +72,8 @@ def make_plan(
     composite = _filled(owned, covered.shape)
     blended = BLENDERS[options.blender].blend_reduced(owned, extended, composite, small, factor, options.bands)
     picture = composite if blended is None else blended
-    kept, reason = crop if isinstance(crop, Crop) else at_full_size(choose_crop(covered, crop), canvas, factor)
+    sure = covered if factor == 1 else _surely_covered(covered, alignment.cameras, small)
+    kept, reason = crop if isinstance(crop, Crop) else at_full_size(choose_crop(covered, crop, sure), canvas, factor)
     cells = kept.grown(0, multiple=factor).divided(factor)
     if not covered[cells.within(small.region)].any():
         raise UsageError("no photo shows anything of what was asked for", hint="look at the whole with --crop none")
@@ -83,8 +84,7 @@ def make_plan(
         _trace_bands(picture, trace)
     trace("compositing.cropped", picture=picture, coverage=covered, crop=cells, reason=reason)
     changes = _changes(count, exposed, blended, small)
-    whole = _fully_covered(covered, cells, alignment.cameras, small, exact=factor == 1)
-    return Plan(light, factor, extended, changes, kept, reason, whole)
+    return Plan(light, factor, extended, changes, kept, reason, covered=bool(sure[cells.within(small.region)].all()))
 
 
 def coverage(alignment: Alignment, canvas: Canvas, *, run: Executor = serial) -> NDArray[np.bool_]:
@@ -100,22 +100,19 @@ def at_full_size(crop: Crop, canvas: Canvas, factor: int) -> Crop:
     return crop._replace(region=crop.region.times(factor) & canvas.region)
 
 
-def _fully_covered(
-    covered: NDArray[np.bool_], crop: Region, cameras: Sequence[Camera], small: Canvas, *, exact: bool
-) -> bool:
-    """Whether photos surely cover all pixels of a crop of the reduced canvas, as far as its mask tells."""
-    seen = bool(covered[crop.within(small.region)].all())
-    if exact or not seen:
-        return seen
+def _surely_covered(covered: NDArray[np.bool_], cameras: Sequence[Camera], small: Canvas) -> NDArray[np.bool_]:
+    """Pixels of the mask of a reduced canvas that photos cover in full."""
     framed = np.pad(np.pad(covered, ((1, 1), (0, 0))), ((0, 0), (1, 1)), mode="wrap" if small.wraps else "constant")
     # beyond the edge there is no mask; a canvas that shows a part of the view goes on there, others end with the photos
     ring = np.ones(framed.shape, bool)
     ring[1:-1, 0 if small.wraps else 1 : None if small.wraps else -1] = False
     y, x = np.nonzero(ring)
     rays = small.rays(np.column_stack([x - 1.0, y - 1.0]))
-    # beyond the poles there is nothing; for what lies before them, they themselves count
-    framed[y, x] = np.where(np.isnan(rays).any(1), covered_rays(cameras, POLES).all(), covered_rays(cameras, rays))
-    return bool(surely_covered(framed)[1:-1, 1:-1][crop.within(small.region)].all())
+    # beyond a pole there is nothing; for what lies before it, the pole itself counts
+    zenith, nadir = covered_rays(cameras, POLES)
+    at_ends = np.where(y == 0, zenith, np.where(y == len(framed) - 1, nadir, zenith and nadir))
+    framed[y, x] = np.where(np.isnan(rays).any(1), at_ends, covered_rays(cameras, rays))
+    return surely_covered(framed)[1:-1, 1:-1]
 
 
 def _warp_all(alignment: Alignment, small: Canvas, run: Executor, trace: Trace) -> tuple[Placed, Squares]:
