@@ -52,7 +52,7 @@ class NoOverlapError(PanostitchError):
 
 
 class InputError(PanostitchError):
-    """An input is missing, or fewer than two photos can be read (with --require-all: not all of them)."""
+    """An input is missing, or there are fewer than two photos that can be read (with --require-all: not all can)."""
 
     exit_code = 5
 

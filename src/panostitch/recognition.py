@@ -39,6 +39,7 @@ def recognise(
     photos: Sequence[Photo], options: Options, *, run: Executor = serial, trace: Trace = silent
 ) -> Recognition:
     """Features, matches, links, groups. Raises InputError where fewer than two photos can be read."""
+    check_enough(photos)
     trace("photos.read", photos=photos)
     found = detect(photos, options.features, run=run, trace=trace)
     failures = [(p, f) for p, f in zip(photos, found, strict=True) if isinstance(f, InputError)]
@@ -60,6 +61,13 @@ def recognise(
     done = _with_retries(first, options, run, trace) if options.matching.retries == "auto" else first
     trace("matching.grouped", photos=done.photos, links=done.links, groups=done.groups)
     return done
+
+
+def check_enough(photos: Sequence[Photo]) -> None:
+    """Raise InputError for fewer than two photos."""
+    if len(photos) < 2:
+        what = f"{photos[0].name} is the only photo" if photos else "no photos"
+        raise InputError(f"{what}: a panorama needs two or more", hint="name the other photos too, or their folder")
 
 
 def _with_retries(found: Recognition, options: Options, run: Executor, trace: Trace) -> Recognition:

@@ -111,11 +111,11 @@ def test_a_file_that_is_no_picture_is_left_out_by_name(name, call, inputs, stray
 
 
 def test_one_photo_alone(call, inputs):
-    failed(call(inputs[0], "-o", "out.jpg"), USAGE, "a.jpg", "only photo")
+    failed(call(inputs[0], "-o", "out.jpg"), UNREADABLE, "a.jpg", "only photo")
 
 
 def test_one_photo_twice(call, inputs):
-    failed(call(inputs[0], inputs[0], "-o", "out.jpg"), USAGE, "a.jpg", "only photo")
+    failed(call(inputs[0], inputs[0], "-o", "out.jpg"), UNREADABLE, "a.jpg", "only photo")
 
 
 def test_a_folder_without_photos(call, tmp_path):
@@ -193,7 +193,7 @@ def test_all_photos_excluded(call, inputs):
     names = [word for path in inputs for word in ("--exclude", path.name)]
 
     failed(call(*inputs, "-o", "out.jpg", *names), USAGE, "--exclude leaves no photo")
-    failed(call(*inputs, "-o", "out.jpg", *names[2:]), USAGE, "a.jpg is the only photo")
+    failed(call(*inputs, "-o", "out.jpg", *names[2:]), UNREADABLE, "a.jpg is the only photo")
 
 
 def test_what_became_of_every_photo_is_said_and_in_the_json(call, inputs, strays):
@@ -378,7 +378,7 @@ def test_quiet_is_silent(call, inputs, strays):
 
 
 def test_quiet_still_says_what_failed(call, inputs):
-    failed(call("--quiet", inputs[0], "-o", "out.jpg"), USAGE, "only photo")
+    failed(call("--quiet", inputs[0], "-o", "out.jpg"), UNREADABLE, "only photo")
 
 
 def test_json_stands_alone_on_standard_output(call, inputs, strays):

@@ -10,9 +10,12 @@ from panostitch.diagnosis import CAUSES
 from panostitch.diagnosis.causes import Case, judge
 from panostitch.diagnosis.looks import Look, look_at
 from panostitch.diagnosis.pairs import PairEvidence
+from panostitch.errors import NoOverlapError
 from panostitch.features import detect_one
+from panostitch.model.photo import Photo
 from panostitch.options import FeatureOptions, Options
 from panostitch.synthetic.failures import CASES, FAILURES, plant
+from panostitch.synthetic.render import ArraySource
 
 QUICK_CASE = 1  # of each cause, in the default tests
 RIGHT = 0.9  # of all planted cases
@@ -111,6 +114,25 @@ def test_a_look_sees_what_was_done_to_a_photo():
     assert dark.black > 0.5 > sharp.black
     assert dark.light < sharp.light - 4
     assert plain.texture == 0 < 0.9 < sharp.texture
+
+
+@pytest.mark.parametrize("level", [0, 128, 255])
+def test_plain_photos_are_plain_not_blurred(level):
+    plain = np.full((200, 300, 3), level, np.uint8)
+    photos = [Photo(name, (300, 200), ArraySource(plain)) for name in ("a.png", "b.png")]
+
+    with pytest.raises(NoOverlapError) as caught:
+        pipeline.align(photos, Options())
+
+    assert all("cause: no texture" in line for line in caught.value.details)
+
+
+@pytest.mark.parametrize("peer", [0.0, 0.7])
+def test_an_edge_that_is_lost_altogether_can_be_told(peer):
+    cause, verdict, _ = judge(replace(PLAIN_CASE, looks=(replace(GOOD, coarse=0.0), GOOD), peers=(peer, peer)))
+
+    assert cause == "blur"
+    assert ("elsewhere" in verdict.words) == (peer > 0)
 
 
 def look_of(photo):

@@ -150,6 +150,15 @@ def test_failures_say_why(inbox, tmp_path):
     assert (apart.message, apart.path, apart.photos) == ("no two photos overlap", "", 0)
 
 
+def test_a_folder_of_one_photo_says_so(tmp_path, views):
+    write_picture(str(tmp_path / "a.png"), views[0])
+
+    (alone,) = run(tmp_path, tmp_path / "out").values()
+
+    assert alone.exit_code == 5
+    assert "a.png is the only photo" in alone.message
+
+
 def test_a_folder_that_cannot_be_read_says_so(inbox, tmp_path):
     (broken,) = of_folder(inbox, tmp_path / "out", "broken")
 

@@ -44,22 +44,19 @@ def open_given(
     """The photos that the user named, and those of them that cannot be read.
 
     Raises InputError for a file that is missing, for any that cannot be read if all are required, and where fewer than
-    two can; UsageError for fewer than two, and for names to exclude that no photo has.
+    two can or there are; UsageError for names to exclude that no photo has.
     """
     from panostitch.cli.inputs import photo_paths, without
     from panostitch.io.readers import open_photos
     from panostitch.model.alignment import LeftOut
+    from panostitch.recognition import check_enough
 
     photos, failures = open_photos(without(photo_paths(arguments), exclude))
     if failures and (require_all or len(photos) < 2):
         first = failures[0]
         more = tuple(error.message for error in failures[1:])
         raise InputError(first.message, details=more, hint=first.hint or "leave it out, or repair it")
-    if len(photos) < 2:
-        raise UsageError(
-            f"{photos[0].name} is the only photo: a panorama needs two or more",
-            hint="name the other photos too, or their folder",
-        )
+    check_enough(photos)
     return photos, [LeftOut.unreadable(error) for error in failures]
 
 

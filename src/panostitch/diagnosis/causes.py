@@ -75,7 +75,8 @@ def _blur(case: Case) -> Verdict | None:
     for n in case.suspects:
         coarse, peer = case.looks[n].coarse, case.peers[n]
         if coarse < ALL_SOFT or (coarse < SOFT and coarse < SOFTER * peer):
-            return Verdict(f"edges of {case.names[n]} are {peer / coarse:.1f} times as soft as elsewhere", n)
+            elsewhere = f", {peer:.0%} elsewhere" if peer > coarse else ""
+            return Verdict(f"edges of {case.names[n]} keep {coarse:.0%} of their strength close up{elsewhere}", n)
     return None
 
 

@@ -70,7 +70,10 @@ def look_at(photo: Photo, features: Features) -> Look:
 
 
 def _sharpness(grey: Grey) -> tuple[float, float]:
-    """How much of the strength of edges is left over shorter distances, in the worst of four directions."""
+    """How much of the strength of edges is left over shorter distances, in the worst of four directions.
+
+    All of it where there are no edges: what is plain is not blurred.
+    """
     margin = STEPS[-1]
     if min(grey.shape) <= 2 * margin + 1:
         return 1.0, 1.0
@@ -82,7 +85,7 @@ def _sharpness(grey: Grey) -> tuple[float, float]:
             there, back = (np.roll(grey, (s * move[0], s * move[1]), (0, 1)) for s in (1, -1))
             bend = np.abs(2 * middle - (there + back)[margin:-margin, margin:-margin])
             strength[row, column] = np.percentile(bend, STRONGEST)
-    kept = strength[:, :-1] / np.maximum(strength[:, 1:], 1.0)
+    kept = np.where(strength[:, 1:] < 1, 1.0, strength[:, :-1] / np.maximum(strength[:, 1:], 1.0))
     return float(kept[:, 0].min()), float(kept[:, 1].min())
 
 
