@@ -515,3 +515,17 @@ def test_as_a_program_of_its_own(inputs, strays, tmp_path):
     assert not BAR.search(done.stderr)
     panorama(tmp_path / "out.jpg")
     assert os.listdir(tmp_path) == ["out.jpg"]
+
+
+def test_an_interrupted_run_does_not_wait_for_its_threads():
+    lines = (
+        "import threading, time",
+        "threading.Thread(target=time.sleep, args=(600,)).start()",
+        "from panostitch.cli import main",
+        "main.run = lambda arguments: 130",
+        "main.main()",
+    )
+
+    ended = subprocess.run([sys.executable, "-c", "\n".join(lines)], timeout=60, check=False)
+
+    assert ended.returncode == 130

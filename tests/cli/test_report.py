@@ -16,6 +16,7 @@ HELD = "40 matches that were held back are 1.50 px off, 0.30 px with the photos 
     [
         (LocalWarp(True, 40, 1.5, 1.1, 0.3, 0.2), f"local warp: {HELD}\n"),
         (LocalWarp(False, 40, 1.5, 1.1, 0.3, 0.2), f"local warp: none: {HELD}, which is not clearly better\n"),
+        (LocalWarp(False, 8, 1.5, 1.1, 0.3, 0.2), "too few to judge by"),
         (LocalWarp(False, 0, 0.0, 0.0, 0.0, 0.0), "local warp: none: no matches"),
     ],
 )

@@ -8,6 +8,7 @@ import os
 import sys
 import tempfile
 import traceback
+from contextlib import suppress
 from typing import Any
 
 import click
@@ -21,7 +22,7 @@ COMMANDS = {
     "align": "First half: photos to a project file with their cameras.",
     "render": "Second half: a project file to a panorama.",
     "batch": "A panorama of every sub-folder of a folder.",
-    "compare": "The same photos by cv2.Stitcher and by panostitch, side by side.",
+    "compare": "The same photos by cv2.Stitcher or Hugin, and by panostitch, side by side.",
     "detectors": "All detectors and matchers on your photos, side by side.",
     "selftest": "Photograph known scenes and state the true error.",
     "doctor": "Whether everything works here, and how to repair what does not.",
@@ -81,7 +82,14 @@ def main() -> None:
     # for them. The libraries read this when they are loaded, which is later.
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
         os.environ.setdefault(name, "1")
-    sys.exit(run(sys.argv[1:]))
+    code = run(sys.argv[1:])
+    if code == EXIT_INTERRUPTED:
+        # What was begun is cleared away. Threads may still be in native code, which Python would wait for, and which
+        # aborts the process where a second Ctrl-C ends that wait.
+        with suppress(OSError):
+            sys.stdout.flush()
+        os._exit(code)
+    sys.exit(code)
 
 
 def run(arguments: list[str]) -> int:

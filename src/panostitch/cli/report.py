@@ -5,6 +5,8 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from panostitch.alignment.elastic import FEWEST_JUDGES
+
 # what is said and what says it come from one place
 from panostitch.cli.terminal import print_json as print_json
 from panostitch.cli.terminal import say as say
@@ -30,8 +32,9 @@ def say_alignment(alignment: Alignment, *, verbose: int) -> None:
     """What was found, in a line; and every photo that is not in it."""
     count = len(alignment.photos)
     judged = "" if alignment.held_back_rms is None else f" ({alignment.held_back_rms:.2f} px where held back)"
+    links = f"{len(alignment.links)} link{'s' * (len(alignment.links) != 1)}"
     say(
-        f"aligned {count} of {count + len(alignment.left_out)} photos, {len(alignment.links)} links, "
+        f"aligned {count} of {count + len(alignment.left_out)} photos, {links}, "
         f"{alignment.rms:.2f} px rms{judged}: {alignment.reason}"
     )
     if alignment.local_warp:
@@ -51,7 +54,10 @@ def say_alignment(alignment: Alignment, *, verbose: int) -> None:
 def _gain(warp: LocalWarp) -> str:
     figures = f"{warp.rms:.2f} px off, {warp.bent_rms:.2f} px with the photos bent"
     held = f"{warp.matches} matches that were held back are {figures}"
-    return held if warp.used else f"none: {held}, which is not clearly better" if warp.matches else "none: no matches"
+    if warp.used:
+        return held
+    why = "too few to judge by" if warp.matches < FEWEST_JUDGES else "which is not clearly better"
+    return f"none: {held}, {why}" if warp.matches else "none: no matches were found to judge it by"
 
 
 def _say_cameras(alignment: Alignment) -> None:
@@ -135,7 +141,7 @@ def say_dry_run(alignment: Alignment, panorama: Panorama, path: str, expected: F
         say(f"field of view: {field[0]:.1f} x {field[1]:.1f} degrees")
     say(f"crop: {panorama.plan.crop_reason}")
     say(f"exposure: {panorama.plan.light.reason}")
-    say(f"memory: up to {in_words(expected.memory)}, on {expected.threads} threads")
+    say(f"memory: up to {in_words(expected.memory)}, on {expected.threads} thread{'s' * (expected.threads != 1)}")
     say(f"time: about {seconds:.1f} s for rendering and writing")
 
 

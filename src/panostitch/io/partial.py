@@ -120,6 +120,7 @@ def fingerprint(alignment: Alignment, options: Options) -> str:
         np.__version__,
         scipy.__version__,
         PIL.__version__,
+        version("simplejpeg"),
     ]
     facts = [alignment.to_json(), repr(options.layout), repr(options.compositing), files, programs]
     return hashlib.sha256(json.dumps(facts).encode()).hexdigest()
