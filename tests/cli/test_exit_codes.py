@@ -529,3 +529,17 @@ def test_an_interrupted_run_does_not_wait_for_its_threads():
     ended = subprocess.run([sys.executable, "-c", "\n".join(lines)], timeout=60, check=False)
 
     assert ended.returncode == 130
+
+
+def test_no_file_that_was_named_is_ever_overwritten(call, photos, strays, tmp_path):
+    """Not one that cannot be read, nor one that was excluded."""
+    broken, excluded = tmp_path / "half.jpg", tmp_path / "c.jpg"
+    broken.write_bytes((strays / "half.jpg").read_bytes())
+    excluded.write_bytes((photos / "c.jpg").read_bytes())
+    before = broken.read_bytes(), excluded.read_bytes()
+    inputs = [photos / "a.jpg", photos / "b.jpg", broken, excluded, "--exclude", "c.jpg", "--overwrite"]
+
+    codes = [call("stitch", *inputs, "-o", path).code for path in (broken, excluded)]
+
+    assert codes == [8, 8]
+    assert (broken.read_bytes(), excluded.read_bytes()) == before

@@ -25,8 +25,7 @@ def command(photos: tuple[str, ...], output: str, pto: str | None, **given: Any)
     from panostitch.io import pto as hugin
 
     check_inclusion_options(given)
-    opened, unreadable = open_given(photos, exclude=given["exclude"], require_all=given["require_all"])
-    inputs = [photo.path for photo in opened]
+    opened, unreadable, inputs = open_given(photos, exclude=given["exclude"], require_all=given["require_all"])
     writers.check_output(output, overwrite=given["overwrite"], inputs=inputs, extensions=[project.EXTENSION])
     if pto:
         writers.check_output(pto, overwrite=given["overwrite"], inputs=inputs, extensions=[hugin.EXTENSION])

@@ -46,7 +46,7 @@ def command(photos: tuple[str, ...], output: str, rival: str, **given: Any) -> i
     from panostitch.jobs import compare
 
     compare.check_rival(rival)
-    opened, _ = open_given(photos, require_all=True)  # other programs would stumble over what cannot be read
+    opened, _, _ = open_given(photos, require_all=True)  # other programs would stumble over what cannot be read
     writers.check_output(output, overwrite=given["overwrite"], inputs=[photo.path for photo in opened])
     settings = {name: given[name] for name in ("threads", "debug_dir", "overwrite")}
     with tempfile.TemporaryDirectory(prefix="panostitch-compare-") as folder:

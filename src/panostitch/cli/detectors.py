@@ -35,7 +35,7 @@ def command(photos: tuple[str, ...], output: str | None, **given: Any) -> int:
     from panostitch.jobs import detectors
 
     options = options_of(given)
-    opened, _ = open_given(photos, require_all=True)  # what cannot be read says nothing about detectors
+    opened, _, _ = open_given(photos, require_all=True)  # what cannot be read says nothing about detectors
     if output:
         writers.check_output(output, overwrite=given["overwrite"], inputs=[photo.path for photo in opened])
     with debug_trace(given) as trace:

@@ -82,7 +82,7 @@ def _scored(file: str, photos: tuple[str, ...]) -> "Score":
     from panostitch.io.readers import open_photo
     from panostitch.jobs.inspect import score_picture
 
-    opened, _ = open_given(photos, require_all=True)
+    opened, _, _ = open_given(photos, require_all=True)
     return score_picture(open_photo(file), opened)
 
 

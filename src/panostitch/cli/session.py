@@ -40,8 +40,8 @@ def debug_trace(given: dict[str, Any]) -> Iterator["Trace"]:
 
 def open_given(
     arguments: tuple[str, ...], *, exclude: tuple[str, ...] = (), require_all: bool = False
-) -> "tuple[list[Photo], list[LeftOut]]":
-    """The photos that the user named, and those of them that cannot be read.
+) -> "tuple[list[Photo], list[LeftOut], list[str]]":
+    """The photos that the user named, those of them that cannot be read, and the paths of all, excluded ones too.
 
     Raises InputError for a file that is missing, for any that cannot be read if all are required, and where fewer than
     two can or there are; UsageError for names to exclude that no photo has.
@@ -51,13 +51,14 @@ def open_given(
     from panostitch.model.alignment import LeftOut
     from panostitch.recognition import check_enough
 
-    photos, failures = open_photos(without(photo_paths(arguments), exclude))
+    paths = photo_paths(arguments)
+    photos, failures = open_photos(without(paths, exclude))
     if failures and (require_all or len(photos) < 2):
         first = failures[0]
         more = tuple(error.message for error in failures[1:])
         raise InputError(first.message, details=more, hint=first.hint or "leave it out, or repair it")
     check_enough(photos)
-    return photos, [LeftOut.unreadable(error) for error in failures]
+    return photos, [LeftOut.unreadable(error) for error in failures], paths
 
 
 def check_inclusion_options(given: dict[str, Any]) -> None:

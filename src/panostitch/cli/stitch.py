@@ -30,8 +30,7 @@ def command(photos: tuple[str, ...], output: str, save_project: str | None, pto:
     check_inclusion_options(given)
     check_dry_run({**given, "save_project": save_project, "pto": pto})
     writers.check_depth(output, options.output.depth)
-    opened, unreadable = open_given(photos, exclude=given["exclude"], require_all=given["require_all"])
-    inputs = [photo.path for photo in opened]
+    opened, unreadable, inputs = open_given(photos, exclude=given["exclude"], require_all=given["require_all"])
     writers.check_output(output, overwrite=given["overwrite"], inputs=inputs)
     if save_project:
         writers.check_output(save_project, overwrite=given["overwrite"], inputs=inputs, extensions=[project.EXTENSION])
