@@ -56,7 +56,12 @@ def recognise(
     """Which photos belong together, and why the others do not. Raises InputError where fewer than two can be read."""
     found = see_what_belongs_together(photos, options, run=run, trace=trace)
     found = replace(found, unreadable=(*unreadable, *found.unreadable))
-    return replace(found, findings=diagnose(found, options, run=run, trace=trace))
+    found = replace(found, findings=diagnose(found, options, run=run, trace=trace))
+    if trace is not silent:
+        largest = found.groups.panoramas[0] if found.groups.panoramas else ()
+        tried = pairs_tried(found.photos, found.features, found.links)
+        trace("diagnosis.left_out", left_out=left_out(found, largest), pairs=tried)
+    return found
 
 
 def align_panorama(
@@ -95,11 +100,15 @@ def render(alignment: Alignment, options: Options, *, run: Executor = serial, tr
     limit = options.output.memory
     run = within(run, limit, each=decoding_bytes(alignment.photos))
     if options.layout.cube:
-        return make_cube(alignment, options.layout, options.compositing, memory=limit, run=run, trace=trace)
+        cube = make_cube(alignment, options.layout, options.compositing, memory=limit, run=run, trace=trace)
+        trace("panorama.planned", alignment=alignment, panorama=cube)
+        return cube
     canvas, crop = frame(alignment, options.layout, run=run, trace=trace)
     plan = make_plan(alignment, canvas, options.compositing, crop, run=run, trace=trace)
     give_back()
-    return make_panorama(alignment, canvas, plan, options.compositing, memory=limit)
+    panorama = make_panorama(alignment, canvas, plan, options.compositing, memory=limit)
+    trace("panorama.planned", alignment=alignment, panorama=panorama)
+    return panorama
 
 
 def left_out(recognition: Recognition, kept: Sequence[int]) -> list[LeftOut]:

@@ -5,7 +5,7 @@ from typing import Any
 import click
 
 from panostitch.cli.options import inclusion_options, options_of, run_options, stage_options
-from panostitch.cli.writing import check_dry_run, write, write_options
+from panostitch.cli.writing import check_dry_run, check_report, write, write_options
 from panostitch.options import CompositingOptions, LayoutOptions, OutputOptions
 
 
@@ -20,7 +20,7 @@ def command(project_file: str, output: str, **given: Any) -> int:
     """Make the panorama of a project file, ours or Hugin's, as often and in as many ways as you like."""
     from panostitch import pipeline
     from panostitch.cli import report
-    from panostitch.cli.session import check_inclusion_options, debug_trace, executor
+    from panostitch.cli.session import check_inclusion_options, executor, listening
     from panostitch.io import project, writers
     from panostitch.io import pto as hugin
 
@@ -34,7 +34,10 @@ def command(project_file: str, output: str, **given: Any) -> int:
         pipeline.check_all_in(alignment.left_out)
     inputs = [project_file, *(photo.path for photo in alignment.photos)]
     writers.check_output(output, overwrite=given["overwrite"], inputs=inputs)
-    with debug_trace(given) as trace:
+    check_report(given, inputs)
+    with listening(given, options) as trace:
         panorama = pipeline.render(alignment, options, run=run, trace=trace)
         write(alignment, panorama, output, options, given=given, run=run, trace=trace)
+    if given["report"] and not given["quiet"]:
+        report.say(f"{given['report']}: what became of the photos, for a browser")
     return report.exit_code(alignment, allow_partial=given["allow_partial"])

@@ -5,11 +5,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
-from panostitch.errors import InputError, UsageError
+from panostitch.errors import InputError, OutputError, PanostitchError, UsageError
 
 if TYPE_CHECKING:
     from panostitch.model.alignment import LeftOut
     from panostitch.model.photo import Photo
+    from panostitch.options import Options
+    from panostitch.report import Record
     from panostitch.runtime.executor import Executor
     from panostitch.runtime.trace import Trace
 
@@ -36,6 +38,43 @@ def debug_trace(given: dict[str, Any]) -> Iterator["Trace"]:
 
     with Dump(given["debug_dir"], overwrite=given["overwrite"]) as dump:
         yield dump
+
+
+@contextmanager
+def listening(given: dict[str, Any], options: "Options") -> Iterator["Trace"]:
+    """A trace to the debug folder and to the report, whichever were asked for. Raises OutputError as they do.
+
+    The report is written when the block ends, also where it ends in an error that is the user's to mend: the error then
+    names the report.
+    """
+    from panostitch.runtime.trace import combine
+
+    with debug_trace(given) as dump:
+        path = given["report"]
+        if path is None:
+            yield dump
+            return
+        from panostitch.report import Record, write_report
+
+        record = Record()
+        try:
+            # the report listens first: its seconds are without the time that drawing takes
+            yield combine(record, dump)
+        except PanostitchError as error:
+            error.details = (*error.details, _report_of(error, record, path, options))
+            raise
+        write_report(record, path, options)
+
+
+def _report_of(error: PanostitchError, record: "Record", path: str, options: "Options") -> str:
+    """Write the report of a failure; the line that says so. What stopped the run is more important to the user."""
+    from panostitch.report import write_report
+
+    try:
+        write_report(record, path, options, error=error)
+    except OutputError as second:
+        return f"no report: {second.message}"
+    return f"report: {path}"
 
 
 def open_given(

@@ -5,7 +5,7 @@ from typing import Any
 import click
 
 from panostitch.cli.options import every_stage, inclusion_options, options_of, run_options
-from panostitch.cli.writing import check_dry_run, write, write_options
+from panostitch.cli.writing import check_dry_run, check_report, write, write_options
 
 
 @click.command("stitch")
@@ -21,7 +21,7 @@ def command(photos: tuple[str, ...], output: str, save_project: str | None, pto:
     """Stitch PHOTOS (files, folders, globs, @list.txt, - for a list on standard input) into a panorama."""
     from panostitch import pipeline
     from panostitch.cli import report
-    from panostitch.cli.session import check_inclusion_options, debug_trace, executor, open_given
+    from panostitch.cli.session import check_inclusion_options, executor, listening, open_given
     from panostitch.compositing.view import look
     from panostitch.io import project, writers
     from panostitch.io import pto as hugin
@@ -38,7 +38,8 @@ def command(photos: tuple[str, ...], output: str, save_project: str | None, pto:
         writers.check_output(pto, overwrite=given["overwrite"], inputs=inputs, extensions=[hugin.EXTENSION])
         hugin.check_photos(opened)
         hugin.check_projection(options.layout.projection)
-    with debug_trace(given) as trace:
+    check_report(given, inputs)
+    with listening(given, options) as trace:
         alignment = pipeline.align(opened, options, unreadable=unreadable, run=run, trace=trace)
         if given["require_all"]:
             pipeline.check_all_in(alignment.left_out)
@@ -56,4 +57,6 @@ def command(photos: tuple[str, ...], output: str, save_project: str | None, pto:
             report.say(f"note: {pto}: {exactness}")
         if given["debug_dir"]:
             report.say(f"{given['debug_dir']}: a picture of every stage")
+        if given["report"]:
+            report.say(f"{given['report']}: what became of the photos, for a browser")
     return report.exit_code(alignment, allow_partial=given["allow_partial"])

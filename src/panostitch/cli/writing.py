@@ -1,5 +1,6 @@
 """What `stitch` and `render` share: what is about to be written, `--dry-run`, `--resume`, and the writing itself."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from panostitch.runtime.executor import Executor
     from panostitch.runtime.trace import Trace
 
-BESIDES = ("debug_dir", "save_project", "pto")  # options that write something else than the panorama
+BESIDES = ("debug_dir", "save_project", "pto", "report")  # options that write something else than the panorama
 
 
 def write_options(command: "Command") -> "Command":
@@ -22,6 +23,9 @@ def write_options(command: "Command") -> "Command":
     for decorate in (
         click.option(
             "--resume", is_flag=True, help="Go on from the tiles that a killed run left in PANORAMA.partial; keep them."
+        ),
+        click.option(
+            "--report", metavar="FILE.html", default=None, help="Show what became of the photos, and why, in one page."
         ),
         click.option(
             "--dry-run", is_flag=True, help="Say how large the panorama will be and what it takes, then stop."
@@ -37,6 +41,17 @@ def check_dry_run(given: dict[str, Any]) -> None:
     if given["dry_run"] and (wrong or given["resume"]):
         other = wrong[0] if wrong else "--resume"
         raise UsageError(f"--dry-run writes nothing, {other} would", hint="leave one of them out")
+
+
+def check_report(given: dict[str, Any], inputs: Sequence[str]) -> None:
+    """Raise what speaks against the report that was asked for, before any work is done: MissingError, OutputError."""
+    if given["report"] is None:
+        return
+    from panostitch.io import writers
+    from panostitch.report import check_installed
+
+    check_installed()
+    writers.check_output(given["report"], overwrite=given["overwrite"], inputs=inputs, extensions=[".html", ".htm"])
 
 
 def write(
@@ -83,7 +98,7 @@ def write(
                 raise
     else:
         written = writers.write_panorama(panorama, output, options.output, run=run, trace=trace)
-    if given["debug_dir"]:
+    if given["debug_dir"] or given["report"]:
         from panostitch.scoring import score_seams
 
         score_seams(panorama, options.compositing, run=run, trace=trace)

@@ -158,11 +158,11 @@ def layout(outlines: Sequence[Floats], names: Sequence[str], size: tuple[int, in
     width, height = (max(1, round(n * factor)) for n in size)
     picture = blank(height + 2 * _MARGIN, width + 2 * _MARGIN)
     cv2.rectangle(picture, (_MARGIN, _MARGIN), (_MARGIN + width - 1, _MARGIN + height - 1), (12, 12, 14), -1)
-    placed = [[rescale(xy + np.array([shift, 0.0]), factor) + _MARGIN for shift in _shifts(period)] for xy in outlines]
+    placed = [[rescale(xy + np.array([shift, 0.0]), factor) + _MARGIN for shift in shifts(period)] for xy in outlines]
     for number, copies in enumerate(placed):
         _fill(picture, copies, colour(number), closes=_closes(outlines[number], period))
     for number, copies in enumerate(placed):
-        for piece in (piece for copy in copies for piece in _pieces(copy)):
+        for piece in (piece for copy in copies for piece in pieces(copy)):
             path(picture, piece, colour(number), 2)
     cv2.rectangle(picture, (_MARGIN, _MARGIN), (_MARGIN + width - 1, _MARGIN + height - 1), GREY, 1)
     taken: list[tuple[float, float, float, float]] = []
@@ -171,7 +171,8 @@ def layout(outlines: Sequence[Floats], names: Sequence[str], size: tuple[int, in
     return picture
 
 
-def _shifts(period: float) -> tuple[float, ...]:
+def shifts(period: float) -> tuple[float, ...]:
+    """How far (px) to the right the copies of what lies on a canvas are, of which those in sight are drawn."""
     return (0.0, -period, period) if period else (0.0,)
 
 
@@ -188,7 +189,7 @@ def _fill(picture: Picture, copies: Iterable[Floats], ink: Colour, *, closes: bo
     cv2.addWeighted(picture, 0.78, tinted, 0.22, 0, dst=picture)
 
 
-def _pieces(xy: Floats) -> list[Floats]:
+def pieces(xy: Floats) -> list[Floats]:
     """The stretches of a line (m, 2) that are in sight."""
     with np.errstate(invalid="ignore"):
         gaps = np.flatnonzero(~(np.abs(xy) < _FAR).all(axis=1))
@@ -205,7 +206,7 @@ def _name(
 ) -> None:
     """Write a name amid the copy of an outline that lies most on the picture."""
     height, width = picture.shape[:2]
-    centres = [np.mean(np.vstack(pieces), axis=0) for pieces in map(_pieces, copies) if pieces]
+    centres = [np.mean(np.vstack(seen), axis=0) for seen in map(pieces, copies) if seen]
     if not centres:
         return
     x, y = min(centres, key=lambda c: float(np.abs(c - (width / 2, height / 2)).max()))

@@ -111,7 +111,7 @@ class PairPictures:
             return captioned(
                 drawn, f"{title}   refused: {link.reason}", f"{link.putative} matches, {link.inliers} inliers{needed}"
             )
-        outliers = _outliers(held, link)
+        outliers = held.match.pairs[~agreeing(held.features, held.match.pairs, link)]
         good = draw.Lines(
             _drawn_at(link.xy_i, held.photos[0], left), _drawn_at(link.xy_j, held.photos[1], right), GREEN
         )
@@ -146,12 +146,13 @@ def _lines(
     return draw.Lines(_drawn_at(xy_i, held.photos[0], left), _drawn_at(xy_j, held.photos[1], right), ink)
 
 
-def _outliers(held: _Held, link: VerifiedMatch) -> NDArray[np.int32]:
-    """The matches (n, 2) after the ratio test that the homography does not explain."""
+def agreeing(
+    features: tuple[Features, Features], pairs: NDArray[np.int32], link: VerifiedMatch
+) -> NDArray[np.bool_]:
+    """Which (n,) of the matches (n, 2) after the ratio test the homography explains."""
     inliers = {tuple(row) for row in np.hstack([link.xy_i, link.xy_j]).astype(np.float32).tolist()}
-    pairs = held.match.pairs
-    ends = np.hstack([held.features[0].xy[pairs[:, 0]], held.features[1].xy[pairs[:, 1]]]).astype(np.float32)
-    return pairs[np.array([tuple(row) not in inliers for row in ends.tolist()], np.bool_)]
+    ends = np.hstack([features[0].xy[pairs[:, 0]], features[1].xy[pairs[:, 1]]]).astype(np.float32)
+    return np.array([tuple(row) in inliers for row in ends.tolist()], np.bool_)
 
 
 def _overlap(held: _Held, link: VerifiedMatch, right: Picture) -> Floats | None:

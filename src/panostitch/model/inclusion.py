@@ -1,11 +1,12 @@
 """What became of every photo: in the panorama or not, how much of it is seen, and why."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from panostitch.model.alignment import UNREADABLE, Alignment
+from panostitch.model.alignment import UNREADABLE, Alignment, LeftOut, PairTried
 from panostitch.model.panorama import Panorama
 from panostitch.model.photo import natural_key
 
@@ -42,15 +43,23 @@ def inclusion(alignment: Alignment, panorama: Panorama | None = None) -> list[In
     """Every photo that was given, in the natural order of their names."""
     shares = _shares(alignment, panorama) if panorama else [None] * len(alignment.photos)
     rows = [
-        Inclusion(photo.name, _state(share, len(shares)), "", "", *_partner(alignment, photo.name), share)
+        Inclusion(photo.name, _state(share, len(shares)), "", "", *_partner(alignment.pairs, photo.name), share)
         for photo, share in zip(alignment.photos, shares, strict=True)
     ]
-    for photo in alignment.left_out:
+    rows += excluded(alignment.left_out, alignment.pairs, share=None if panorama is None else 0.0)
+    return sorted(rows, key=lambda row: natural_key(row.name))
+
+
+def excluded(
+    left_out: Sequence[LeftOut], pairs: Sequence[PairTried], *, share: float | None = None
+) -> list[Inclusion]:
+    """Photos that are not in a panorama, whether or not there is one."""
+    rows = []
+    for photo in left_out:
         state: State = "unreadable" if photo.cause == UNREADABLE else "left out"
         cause = "" if photo.cause == UNREADABLE else photo.cause
-        share = None if panorama is None else 0.0
-        rows.append(Inclusion(photo.name, state, photo.reason, cause, *_partner(alignment, photo.name), share))
-    return sorted(rows, key=lambda row: natural_key(row.name))
+        rows.append(Inclusion(photo.name, state, photo.reason, cause, *_partner(pairs, photo.name), share))
+    return rows
 
 
 def _shares(alignment: Alignment, panorama: Panorama) -> list[float]:
@@ -71,8 +80,8 @@ def _state(share: float | None, photos: int) -> State:
     return "partly hidden" if share else "hidden"
 
 
-def _partner(alignment: Alignment, name: str) -> tuple[str | None, int]:
-    own = [pair for pair in alignment.pairs if name in (pair.first, pair.second)]
+def _partner(pairs: Sequence[PairTried], name: str) -> tuple[str | None, int]:
+    own = [pair for pair in pairs if name in (pair.first, pair.second)]
     best = max(own, key=lambda pair: (pair.inliers, pair.matches), default=None)
     if best is None:
         return None, 0

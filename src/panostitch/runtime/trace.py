@@ -18,10 +18,13 @@ def silent(event: str, /, **data: Any) -> None:
 
 
 def combine(*listeners: Trace) -> Trace:
-    """Tell several listeners."""
+    """Tell several listeners; `silent` if none of them listens, so that nobody makes what nobody hears."""
+    heard = [listener for listener in listeners if listener is not silent]
+    if not heard:
+        return silent
 
     def tell(event: str, /, **data: Any) -> None:
-        for listener in listeners:
+        for listener in heard:
             listener(event, **data)
 
     return tell

@@ -1,0 +1,114 @@
+"""The links between photos, drawn over their places on the canvas; on a circle where there are no places."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from panostitch.debug.diagram import turn_width
+from panostitch.model.canvas import Region
+from panostitch.report import lines
+from panostitch.report.pairs import Pair
+from panostitch.report.record import Record
+
+Floats = NDArray[np.float64]
+
+WIDTH = 1000.0  # units of the drawing
+ROW = 120.0  # of a row of photos that have no place
+COLUMNS = 9  # photos in such a row
+RADIUS = 330.0
+THUMBNAIL = 96.0
+THICKEST, THINNEST = 9.0, 2.0
+FLATTEST = 0.1  # height of a very wide canvas, of its width: else all links lie on each other
+
+
+@dataclass(frozen=True)
+class Node:
+    """A photo at (x, y); `outline` is path data, empty where it has no place on the canvas."""
+
+    number: int
+    name: str
+    x: float
+    y: float
+    placed: bool
+    outline: str = ""
+
+
+@dataclass(frozen=True)
+class Edge:
+    """A pair of photos as path data: a straight line, or two where it leaves a closed turn and comes in again."""
+
+    pair: Pair
+    path: str
+    width: float
+
+
+@dataclass(frozen=True)
+class Graph:
+    """All of it, `height` units high; `backdrop` is where the panorama lies (x, y, width, height), if anywhere."""
+
+    height: float
+    nodes: Sequence[Node]
+    edges: Sequence[Edge]
+    thumbnail: float = 0.0
+    scale: float = 1.0
+    backdrop: tuple[float, float, float, float] | None = None
+
+
+def graph(record: Record, pairs: Sequence[Pair]) -> Graph:
+    """Photos as nodes, numbered in their order, pairs as edges."""
+    numbers = {name: number for number, name in enumerate(record.photos, start=1)}
+    if record.laid_out is None:
+        nodes = _circle(numbers)
+        return Graph(2 * (RADIUS + THUMBNAIL), list(nodes.values()), _edges(pairs, nodes, 0.0), THUMBNAIL)
+    alignment, canvas = record.laid_out
+    scale = WIDTH / max(canvas.size[0], canvas.size[1])
+    nodes = {}
+    for photo, camera in zip(alignment.photos, alignment.cameras, strict=True):
+        outline, middle = lines.outline(camera, canvas)
+        if middle is not None:
+            x, y = (middle * scale).tolist()
+            nodes[photo.name] = Node(numbers[photo.name], photo.name, x, y, True, outline)
+    height = max(FLATTEST * WIDTH, canvas.size[1] * scale)
+    rest = [name for name in numbers if name not in nodes]
+    for place, name in enumerate(rest):
+        row, column = divmod(place, COLUMNS)
+        x, y = WIDTH * (column + 0.5) / COLUMNS, height + ROW * (row + 0.5)
+        nodes[name] = Node(numbers[name], name, x, y, False)
+    below = ROW * -(-len(rest) // COLUMNS)
+    shown = record.panorama.plan.crop if record.panorama and record.panorama.canvas == canvas else None
+    edges = _edges(pairs, nodes, turn_width(canvas) * scale)
+    size = THUMBNAIL if rest else 0.0
+    return Graph(height + below, list(nodes.values()), edges, size, scale, _placed(shown, scale))
+
+
+def _placed(region: Region | None, scale: float) -> tuple[float, float, float, float] | None:
+    return region and (region.x * scale, region.y * scale, region.width * scale, region.height * scale)
+
+
+def _circle(numbers: dict[str, int]) -> dict[str, Node]:
+    turn = 2 * np.pi * np.arange(len(numbers)) / max(1, len(numbers)) - np.pi / 2
+    xy = np.array([WIDTH / 2, RADIUS + THUMBNAIL]) + RADIUS * np.column_stack([np.cos(turn), np.sin(turn)])
+    return {name: Node(number, name, *xy[number - 1].tolist(), False) for name, number in numbers.items()}
+
+
+def _edges(pairs: Sequence[Pair], nodes: dict[str, Node], period: float) -> list[Edge]:
+    most = max((pair.matches for pair in pairs), default=1)
+    return [
+        Edge(
+            pair,
+            _line(*(nodes[name] for name in pair.photos), period),
+            THINNEST + (THICKEST - THINNEST) * (pair.matches / max(1, most)) ** 0.5,
+        )
+        for pair in sorted(pairs, key=lambda pair: (pair.kind == "link", pair.number))
+        if all(name in nodes for name in pair.photos)
+    ]
+
+
+def _line(first: Node, second: Node, period: float) -> str:
+    start, end = np.array([first.x, first.y]), np.array([second.x, second.y])
+    both = first.placed and second.placed
+    round_the_back = np.array([period * round((first.x - second.x) / period), 0.0]) if period and both else np.zeros(2)
+    straight = np.array([start, end + round_the_back])
+    return lines.path([straight, straight - round_the_back] if round_the_back.any() else [straight])
