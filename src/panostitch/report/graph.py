@@ -19,20 +19,25 @@ ROW = 120.0  # of a row of photos that have no place
 COLUMNS = 9  # photos in such a row
 RADIUS = 330.0
 THUMBNAIL = 96.0
-THICKEST, THINNEST = 9.0, 2.0
+THICKEST, THINNEST, REFUSED = 9.0, 2.0, 2.5
 FLATTEST = 0.1  # height of a very wide canvas, of its width: else all links lie on each other
 
 
 @dataclass(frozen=True)
 class Node:
-    """A photo at (x, y); `outline` is path data, empty where it has no place on the canvas."""
+    """A photo at (x, y). `outline` is path data, empty where it has no place on the canvas and is shown in `size`."""
 
     number: int
     name: str
     x: float
     y: float
-    placed: bool
+    size: tuple[float, float] = (0.0, 0.0)
     outline: str = ""
+
+    @property
+    def placed(self) -> bool:
+        """Whether it has a place on the canvas."""
+        return bool(self.outline)
 
 
 @dataclass(frozen=True)
@@ -51,7 +56,6 @@ class Graph:
     height: float
     nodes: Sequence[Node]
     edges: Sequence[Edge]
-    thumbnail: float = 0.0
     scale: float = 1.0
     backdrop: tuple[float, float, float, float] | None = None
 
@@ -60,8 +64,8 @@ def graph(record: Record, pairs: Sequence[Pair]) -> Graph:
     """Photos as nodes, numbered in their order, pairs as edges."""
     numbers = {name: number for number, name in enumerate(record.photos, start=1)}
     if record.laid_out is None:
-        nodes = _circle(numbers)
-        return Graph(2 * (RADIUS + THUMBNAIL), list(nodes.values()), _edges(pairs, nodes, 0.0), THUMBNAIL)
+        nodes = _circle(record, numbers)
+        return Graph(2 * (RADIUS + THUMBNAIL), list(nodes.values()), _edges(pairs, nodes, 0.0))
     alignment, canvas = record.laid_out
     scale = WIDTH / max(canvas.size[0], canvas.size[1])
     nodes = {}
@@ -69,28 +73,36 @@ def graph(record: Record, pairs: Sequence[Pair]) -> Graph:
         outline, middle = lines.outline(camera, canvas)
         if middle is not None:
             x, y = (middle * scale).tolist()
-            nodes[photo.name] = Node(numbers[photo.name], photo.name, x, y, True, outline)
+            nodes[photo.name] = Node(numbers[photo.name], photo.name, x, y, outline=outline)
     height = max(FLATTEST * WIDTH, canvas.size[1] * scale)
     rest = [name for name in numbers if name not in nodes]
     for place, name in enumerate(rest):
         row, column = divmod(place, COLUMNS)
         x, y = WIDTH * (column + 0.5) / COLUMNS, height + ROW * (row + 0.5)
-        nodes[name] = Node(numbers[name], name, x, y, False)
+        nodes[name] = Node(numbers[name], name, x, y, _thumbnail(record.photos[name].size))
     below = ROW * -(-len(rest) // COLUMNS)
     shown = record.panorama.plan.crop if record.panorama and record.panorama.canvas == canvas else None
     edges = _edges(pairs, nodes, turn_width(canvas) * scale)
-    size = THUMBNAIL if rest else 0.0
-    return Graph(height + below, list(nodes.values()), edges, size, scale, _placed(shown, scale))
+    return Graph(height + below, list(nodes.values()), edges, scale, _placed(shown, scale))
+
+
+def _thumbnail(size: tuple[int, int]) -> tuple[float, float]:
+    """A photo's size (width, height) px in units of the drawing."""
+    factor = THUMBNAIL / max(size)
+    return size[0] * factor, size[1] * factor
 
 
 def _placed(region: Region | None, scale: float) -> tuple[float, float, float, float] | None:
     return region and (region.x * scale, region.y * scale, region.width * scale, region.height * scale)
 
 
-def _circle(numbers: dict[str, int]) -> dict[str, Node]:
+def _circle(record: Record, numbers: dict[str, int]) -> dict[str, Node]:
     turn = 2 * np.pi * np.arange(len(numbers)) / max(1, len(numbers)) - np.pi / 2
     xy = np.array([WIDTH / 2, RADIUS + THUMBNAIL]) + RADIUS * np.column_stack([np.cos(turn), np.sin(turn)])
-    return {name: Node(number, name, *xy[number - 1].tolist(), False) for name, number in numbers.items()}
+    return {
+        name: Node(number, name, *xy[number - 1].tolist(), _thumbnail(record.photos[name].size))
+        for name, number in numbers.items()
+    }
 
 
 def _edges(pairs: Sequence[Pair], nodes: dict[str, Node], period: float) -> list[Edge]:
@@ -99,7 +111,7 @@ def _edges(pairs: Sequence[Pair], nodes: dict[str, Node], period: float) -> list
         Edge(
             pair,
             _line(*(nodes[name] for name in pair.photos), period),
-            THINNEST + (THICKEST - THINNEST) * (pair.matches / max(1, most)) ** 0.5,
+            THINNEST + (THICKEST - THINNEST) * (pair.matches / max(1, most)) ** 0.5 if "link" in pair.kind else REFUSED,
         )
         for pair in sorted(pairs, key=lambda pair: (pair.kind == "link", pair.number))
         if all(name in nodes for name in pair.photos)
