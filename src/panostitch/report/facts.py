@@ -33,7 +33,7 @@ class PhotoRow:
     photo: Photo | None
     key_points: int | None
     state: str
-    reason: str
+    remarks: tuple[str, ...]
     partner: str | None
     inliers: int
     share: float | None
@@ -56,13 +56,14 @@ def photo_rows(record: Record) -> list[PhotoRow]:
 def _photo_row(record: Record, name: str, number: int, row: Inclusion | None, why: LeftOut | None) -> PhotoRow:
     row = row or Inclusion(name, "left out", "there is no panorama")
     linked = record.alignment is None and any(link for pair, link in record.links.items() if name in pair)
+    photo = record.photos.get(name)
     return PhotoRow(
         number,
         name,
-        record.photos.get(name),
+        photo,
         record.key_points.get(name),
         "linked" if linked and why is None else row.state,
-        ": ".join(words for words in (row.cause, row.reason) if words),
+        tuple(words for words in (row.cause, row.reason, *(photo.notes if photo else ())) if words),
         row.partner,
         row.inliers,
         row.share,

@@ -20,6 +20,8 @@ COLUMNS = 9  # photos in such a row
 RADIUS = 330.0
 THUMBNAIL = 96.0
 THICKEST, THINNEST, REFUSED = 9.0, 2.0, 2.5
+BEND = 0.35  # of a line's length: how far the middle that it bends towards is aside
+BOW_POINTS = 17
 FLATTEST = 0.1  # height of a very wide canvas, of its width: else all links lie on each other
 
 
@@ -42,7 +44,7 @@ class Node:
 
 @dataclass(frozen=True)
 class Edge:
-    """A pair of photos as path data: a straight line, or two where it leaves a closed turn and comes in again."""
+    """A pair of photos as path data: a bow, or two where it leaves a closed turn and comes in again."""
 
     pair: Pair
     path: str
@@ -122,5 +124,13 @@ def _line(first: Node, second: Node, period: float) -> str:
     start, end = np.array([first.x, first.y]), np.array([second.x, second.y])
     both = first.placed and second.placed
     round_the_back = np.array([period * round((first.x - second.x) / period), 0.0]) if period and both else np.zeros(2)
-    straight = np.array([start, end + round_the_back])
-    return lines.path([straight, straight - round_the_back] if round_the_back.any() else [straight])
+    line = _bow(start, end + round_the_back)
+    return lines.path([line, line - round_the_back] if round_the_back.any() else [line])
+
+
+def _bow(start: Floats, end: Floats) -> Floats:
+    """A curve (m, 2) that rises above the photos between two that stand in a row."""
+    along = end - start if end[0] >= start[0] else start - end
+    middle = (start + end) / 2 + BEND * np.array([along[1], -along[0]])
+    t = np.linspace(0, 1, BOW_POINTS)[:, None]
+    return np.asarray((1 - t) ** 2 * start + 2 * t * (1 - t) * middle + t**2 * end)

@@ -1,6 +1,6 @@
 """Two photos side by side with their matches, and how far the cameras leave them apart."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -111,7 +111,7 @@ def pairs_shown(record: Record) -> list[Pair]:
 def _links(record: Record) -> Iterator[Pair]:
     alignment = record.alignment
     if alignment is None:
-        yield from _bare_links(record)
+        yield from _bare_links(record, ())
         return
     points = {(one.i, one.j): one for one in alignment.control_points}
     weak = {frozenset((f.photo, f.partner)) for f in alignment.findings or [f for f, _ in record.findings] if f.weak}
@@ -121,11 +121,12 @@ def _links(record: Record) -> Iterator[Pair]:
         drawn = figure(record.photos, _control(record, names, one), _residuals(alignment, one)) if one else None
         kind: Kind = "weak link" if frozenset(names) in weak else "link"
         yield Pair(0, names, kind, link.matches, f"{link.matches} control points, {link.rms:.2f} px rms", drawn)
+    yield from _bare_links(record, {photo.name for photo in alignment.photos})
 
 
-def _bare_links(record: Record) -> Iterator[Pair]:
-    """Links of a run that has found no cameras."""
-    linked = [(names, link) for names, link in record.links.items() if link]
+def _bare_links(record: Record, aligned: Collection[str]) -> Iterator[Pair]:
+    """Links of photos that no cameras were found for, or that belong to another panorama."""
+    linked = [(names, link) for names, link in record.links.items() if link and names[0] not in aligned]
     for names, link in sorted(linked, key=lambda one: (-one[1].inliers, one[0])):
         words = f"{link.inliers} of {link.putative} matches agree, overlap {link.overlap:.0%}"
         yield Pair(0, names, "link", link.inliers, words, _drawn(record, names))

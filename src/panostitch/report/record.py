@@ -176,10 +176,8 @@ class Record:
         if self.panorama is None:
             return
         for photos, worst in worst_places(seams):
-            middle = Region(round(worst.x), round(worst.y), 1, 1)
-            region = middle.grown(WORST_SIDE // 2) & self.panorama.plan.crop
             try:
-                layer = self.panorama.read(region)
+                layer = self.panorama.read(_about(worst, self.panorama.plan.crop))
             except PanostitchError:
                 continue
             self.worst.append(Place(photos, worst, to_bytes(layer.pixels)))
@@ -195,6 +193,14 @@ def worst_places(seams: Sequence[SeamScore]) -> list[tuple[Names, Worst]]:
         if all(np.hypot(worst.x - other.x, worst.y - other.y) >= WORST_APART for _, other in chosen):
             chosen.append((names, worst))
     return chosen
+
+
+def _about(worst: Worst, crop: Region) -> Region:
+    """The square about a place, moved so that it lies in the crop."""
+    width, height = min(WORST_SIDE, crop.width), min(WORST_SIDE, crop.height)
+    x = min(max(round(worst.x) - width // 2, crop.x), crop.right - width)
+    y = min(max(round(worst.y) - height // 2, crop.y), crop.bottom - height)
+    return Region(x, y, width, height)
 
 
 def _compared(

@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import os
 from collections.abc import Sequence
 from importlib.metadata import version
 from importlib.resources import files
@@ -44,11 +45,13 @@ def content(record: Record, options: Options, error: PanostitchError | None = No
     pairs = pairs_shown(record)
     rows = photo_rows(record)
     return {
+        "title": os.path.basename(record.path) or "No panorama",
         "error": error,
         "record": record,
         "pictures": photos_shown(record.photos),
         "numbers": {name: number for number, name in enumerate(record.photos, start=1)},
         "rows": rows,
+        "remarks": any(row.remarks for row in rows),
         "used": sum(row.state in ("used", "partly hidden", "hidden") for row in rows),
         "alignment": record.alignment,
         "advice": advice(record.alignment, record.panorama) if record.alignment else [],
