@@ -98,7 +98,8 @@ def write(
                 raise
     else:
         written = writers.write_panorama(panorama, output, options.output, run=run, trace=trace)
-    if given["debug_dir"] or given["report"]:
+    # the judge of seams needs a projection of the whole view; the faces of a cube have one each
+    if (given["debug_dir"] or given["report"]) and not options.layout.cube:
         from panostitch.scoring import score_seams
 
         score_seams(panorama, options.compositing, run=run, trace=trace)

@@ -19,7 +19,8 @@ ROW = 120.0  # of a row of photos that have no place
 COLUMNS = 9  # photos in such a row
 RADIUS = 330.0
 THUMBNAIL = 96.0
-THICKEST, THINNEST, REFUSED = 9.0, 2.0, 2.5
+THICKEST, THINNEST = 9.0, 2.0
+CROWD = 200.0  # of the widths of all lines together, about
 BEND = 0.35  # of a line's length: how far the middle that it bends towards is aside
 BOW_POINTS = 17
 FLATTEST = 0.1  # height of a very wide canvas, of its width: else all links lie on each other
@@ -109,12 +110,13 @@ def _circle(record: Record, numbers: dict[str, int]) -> dict[str, Node]:
 
 def _edges(pairs: Sequence[Pair], nodes: dict[str, Node], period: float) -> list[Edge]:
     most = max((pair.matches for pair in pairs), default=1)
+    thickest = min(THICKEST, max(2 * THINNEST, CROWD / max(1, len(pairs))))
+
+    def width(pair: Pair) -> float:
+        return THINNEST + (thickest - THINNEST) * pair.matches / max(1, most) if "link" in pair.kind else THINNEST
+
     return [
-        Edge(
-            pair,
-            _line(*(nodes[name] for name in pair.photos), period),
-            THINNEST + (THICKEST - THINNEST) * (pair.matches / max(1, most)) ** 0.5 if "link" in pair.kind else REFUSED,
-        )
+        Edge(pair, _line(*(nodes[name] for name in pair.photos), period), width(pair))
         for pair in sorted(pairs, key=lambda pair: (pair.kind == "link", pair.number))
         if all(name in nodes for name in pair.photos)
     ]

@@ -55,7 +55,10 @@ class Figure:
 
 @dataclass(frozen=True)
 class Pair:
-    """A pair that the page shows: `number` is its place, `matches` how many agree, `words` what is to be said."""
+    """A pair that the page shows: `number` is its place, `words` what is to be said.
+
+    matches: how many agree; control points where that is not known any more
+    """
 
     number: int
     photos: Names
@@ -120,7 +123,9 @@ def _links(record: Record) -> Iterator[Pair]:
         one = points.get((link.i, link.j))
         drawn = figure(record.photos, _control(record, names, one), _residuals(alignment, one)) if one else None
         kind: Kind = "weak link" if frozenset(names) in weak else "link"
-        yield Pair(0, names, kind, link.matches, f"{link.matches} control points, {link.rms:.2f} px rms", drawn)
+        verified = record.links.get(names)
+        strength = verified.inliers if verified else link.matches
+        yield Pair(0, names, kind, strength, f"{link.matches} control points, {link.rms:.2f} px rms", drawn)
     yield from _bare_links(record, {photo.name for photo in alignment.photos})
 
 
