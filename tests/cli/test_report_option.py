@@ -64,7 +64,7 @@ def test_a_report_has_to_be_html(call, photos):
 
 
 def test_without_jinja_nothing_is_done(call, photos, tmp_path, monkeypatch):
-    monkeypatch.setattr("panostitch.report.write.find_spec", lambda name: None)
+    monkeypatch.setattr("panostitch.report.write.find_spec", lambda _: None)
     result = call(photos, "-o", "out.jpg", "--report", "out.html")
 
     assert result.code == 9

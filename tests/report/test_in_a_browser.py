@@ -1,4 +1,4 @@
-"""The page in a real browser: buttons do what they say, on a phone as well, in the dark as well, and without a mouse."""
+"""The page in a real browser: buttons do what they say, on a phone and in the dark as well, and without a mouse."""
 
 import shutil
 from collections.abc import Iterator
@@ -17,12 +17,12 @@ FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
 )  # fmt: skip
-POINT_ON_LINE = '''
+POINT_ON_LINE = """
 const line = arguments[0].querySelector(".line");
 line.scrollIntoView({block: "center", behavior: "instant"});
 const point = line.getPointAtLength(line.getTotalLength() / 2).matrixTransform(line.getScreenCTM());
 return [Math.round(point.x), Math.round(point.y)];
-'''
+"""
 PHONE = 390  # px
 SCRIPT_TIMEOUT = 60  # s; many times what a busy machine needs
 

@@ -160,7 +160,7 @@ def test_names_that_are_no_unicode_are_written(views, tmp_path):
     assert "a?.jpg" in (tmp_path / "odd.html").read_text(encoding="utf-8")
 
 
-def test_many_photos_are_made_smaller(views, rng):
+def test_many_photos_are_made_smaller(rng):
     noise = rng.integers(0, 256, (300, 400, 3), "uint8")
     photos = {str(n): photo for n, photo in enumerate(named([noise] * 60, tuple(map(str, range(60)))))}
 
@@ -172,7 +172,7 @@ def test_many_photos_are_made_smaller(views, rng):
 
 
 def test_without_jinja_the_line_that_installs_it_is_said(monkeypatch):
-    monkeypatch.setattr("panostitch.report.write.find_spec", lambda name: None)
+    monkeypatch.setattr("panostitch.report.write.find_spec", lambda _: None)
 
     with pytest.raises(MissingError) as caught:
         check_installed()

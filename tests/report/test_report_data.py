@@ -59,7 +59,10 @@ def test_the_worst_places_of_all_seams_are_apart_and_in_order():
         worst = tuple(Worst(x, 0.0, fault, *[None] * 5) for x, fault in faults)
         return SeamScore("a", name, 1.0, Score(None, None, None, None, None, None, None, 0, 0.0, worst))
 
-    seams = [seam("b", [(1000.0 * k, 20.0 - k) for k in range(9)]), seam("c", [(10.0, 30.0), (9000.0, 1.0), (1e5, 0.5)])]
+    seams = [
+        seam("b", [(1000.0 * k, 20.0 - k) for k in range(9)]),
+        seam("c", [(10.0, 30.0), (9000.0, 1.0), (1e5, 0.5)]),
+    ]
     found = worst_places(seams)
 
     assert [worst.fault for _, worst in found] == [30.0, *(20.0 - k for k in range(1, 9)), 1.0]
@@ -126,7 +129,7 @@ def test_a_link_round_the_back_of_a_turn_is_drawn_on_both_edges(made, monkeypatc
     alignment = made.record.alignment
     monkeypatch.setattr(made.record, "laid_out", (alignment, canvas))
     places = iter([np.array([10.0, 100.0]), np.array([300.0, 100.0]), np.array([620.0, 100.0])])
-    monkeypatch.setattr(module.lines, "outline", lambda camera, canvas: ("M0 0", next(places)))
+    monkeypatch.setattr(module.lines, "outline", lambda *_: ("M0 0", next(places)))
 
     drawn = graph(made.record, pairs_shown(made.record))
 

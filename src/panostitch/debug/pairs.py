@@ -146,9 +146,7 @@ def _lines(
     return draw.Lines(_drawn_at(xy_i, held.photos[0], left), _drawn_at(xy_j, held.photos[1], right), ink)
 
 
-def agreeing(
-    features: tuple[Features, Features], pairs: NDArray[np.int32], link: VerifiedMatch
-) -> NDArray[np.bool_]:
+def agreeing(features: tuple[Features, Features], pairs: NDArray[np.int32], link: VerifiedMatch) -> NDArray[np.bool_]:
     """Which (n,) of the matches (n, 2) after the ratio test the homography explains."""
     inliers = {tuple(row) for row in np.hstack([link.xy_i, link.xy_j]).astype(np.float32).tolist()}
     ends = np.hstack([features[0].xy[pairs[:, 0]], features[1].xy[pairs[:, 1]]]).astype(np.float32)

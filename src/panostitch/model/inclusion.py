@@ -50,9 +50,7 @@ def inclusion(alignment: Alignment, panorama: Panorama | None = None) -> list[In
     return sorted(rows, key=lambda row: natural_key(row.name))
 
 
-def excluded(
-    left_out: Sequence[LeftOut], pairs: Sequence[PairTried], *, share: float | None = None
-) -> list[Inclusion]:
+def excluded(left_out: Sequence[LeftOut], pairs: Sequence[PairTried], *, share: float | None = None) -> list[Inclusion]:
     """Photos that are not in a panorama, whether or not there is one."""
     rows = []
     for photo in left_out:

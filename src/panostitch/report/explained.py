@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from panostitch.model.alignment import LeftOut
 from panostitch.model.finding import Finding
 from panostitch.report.pairs import Figure, Pair, figure
-from panostitch.report.record import Record
+from panostitch.report.record import Compared, Record
 
 
 @dataclass(frozen=True)
@@ -24,9 +24,11 @@ class Explained:
 def explained(record: Record, pairs: Sequence[Pair]) -> list[Explained]:
     """Photos that are left out, then weak links, then groups that stay apart."""
     left_out = {one.name: one for one in (record.alignment.left_out if record.alignment else record.left_out)}
-    found = record.findings or [(finding, None) for finding in (record.alignment.findings if record.alignment else ())]
+    known = record.alignment.findings if record.alignment else ()
+    found: Sequence[tuple[Finding, Compared | None]] = record.findings or [(finding, None) for finding in known]
     drawn = {frozenset(pair.photos): pair.figure for pair in pairs}
-    rows, told = [], set()
+    rows: list[Explained] = []
+    told = set()
     for finding, compared in found:
         cost = None if finding.weak else left_out.get(finding.photo)
         if cost:

@@ -96,15 +96,17 @@ def _thumbnail(size: tuple[int, int]) -> tuple[float, float]:
 
 
 def _placed(region: Region | None, scale: float) -> tuple[float, float, float, float] | None:
-    return region and (region.x * scale, region.y * scale, region.width * scale, region.height * scale)
+    if region is None:
+        return None
+    return region.x * scale, region.y * scale, region.width * scale, region.height * scale
 
 
 def _circle(record: Record, numbers: dict[str, int]) -> dict[str, Node]:
     turn = 2 * np.pi * np.arange(len(numbers)) / max(1, len(numbers)) - np.pi / 2
     xy = np.array([WIDTH / 2, RADIUS + THUMBNAIL]) + RADIUS * np.column_stack([np.cos(turn), np.sin(turn)])
     return {
-        name: Node(number, name, *xy[number - 1].tolist(), _thumbnail(record.photos[name].size))
-        for name, number in numbers.items()
+        name: Node(number, name, x, y, _thumbnail(record.photos[name].size))
+        for (name, number), (x, y) in zip(numbers.items(), xy.tolist(), strict=True)
     }
 
 
@@ -116,7 +118,7 @@ def _edges(pairs: Sequence[Pair], nodes: dict[str, Node], period: float) -> list
         return THINNEST + (thickest - THINNEST) * pair.matches / max(1, most) if "link" in pair.kind else THINNEST
 
     return [
-        Edge(pair, _line(*(nodes[name] for name in pair.photos), period), width(pair))
+        Edge(pair, _line(nodes[pair.photos[0]], nodes[pair.photos[1]], period), width(pair))
         for pair in sorted(pairs, key=lambda pair: (pair.kind == "link", pair.number))
         if all(name in nodes for name in pair.photos)
     ]

@@ -1,4 +1,4 @@
-"""Lines of the page as SVG path data: outlines of photos, seams, dots, strokes. Coordinates are px of what they lie on."""
+"""Lines of the page as SVG path data: outlines, seams, dots, strokes. Coordinates are px of what they lie on."""
 
 from collections.abc import Iterable
 

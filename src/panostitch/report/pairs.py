@@ -72,7 +72,7 @@ def figure(photos: Mapping[str, Photo], compared: Compared, residuals: Residuals
     """The matches of two photos; of many, some that are evenly spread over the list."""
     (left_width, left), (right_width, right) = (_scaled(photos[name].size) for name in compared.photos)
     shift = left_width + GAP
-    here, there = rescale(compared.xy_i, left), rescale(compared.xy_j, right) + [shift, 0.0]
+    here, there = rescale(compared.xy_i, left), rescale(compared.xy_j, right) + np.array([shift, 0.0])
     agree, disagree = (_some(np.flatnonzero(chosen)) for chosen in (compared.agree, ~compared.agree))
     return Figure(
         compared.photos,
@@ -94,7 +94,7 @@ def _scaled(size: Size) -> tuple[float, Floats]:
 
 def _some(index: NDArray[np.intp]) -> NDArray[np.intp]:
     places = np.linspace(0, len(index) - 1, min(MOST_LINES, len(index)))
-    return index[np.unique(places.astype(int))]
+    return np.asarray(index[np.unique(places.astype(int))])
 
 
 def residual_vectors(alignment: Alignment, points: ControlPoints) -> Floats:
