@@ -51,9 +51,10 @@ def temporary(tmp_path, monkeypatch):
 
 @pytest.mark.usefixtures("temporary")
 def test_json_and_picture(photos, strangers, tmp_path, capsys):
-    output = tmp_path / "both.png"
+    output, page = tmp_path / "both.png", tmp_path / "both.html"
     stranger = str(strangers / "b.png")
-    assert run(["compare", str(photos), stranger, "-o", str(output), "--json"]) == EXIT_LEFT_OUT
+    given = [str(photos), stranger, "-o", str(output), "--report", str(page)]
+    assert run(["compare", *given, "--json"]) == EXIT_LEFT_OUT
     data = json.loads(capsys.readouterr().out)
     assert [entry["program"] for entry in data["programs"]] == [RIVAL, OURS]
     for entry in data["programs"]:
@@ -66,17 +67,25 @@ def test_json_and_picture(photos, strangers, tmp_path, capsys):
     assert data["exit_code"] == EXIT_LEFT_OUT
     height = sum(entry["size"][1] for entry in data["programs"])
     assert cv2.imread(str(output)).shape[0] > height
+    text = page.read_text(encoding="utf-8")
+    for entry in data["programs"]:
+        assert f'alt="The panorama of {entry["program"]}"' in text
+        assert f"{entry['score']['total']:.2f}</td>" in text
+    assert text.count("without b.png</figcaption>") == 2
 
 
 @pytest.mark.usefixtures("temporary")
 def test_no_overlap_shows_the_rival_then_fails(strangers, tmp_path, capsys):
-    output = tmp_path / "both.jpg"
-    assert run(["compare", str(strangers), "-o", str(output)]) == NoOverlapError.exit_code
+    output, page = tmp_path / "both.jpg", tmp_path / "both.html"
+    given = [str(strangers), "-o", str(output), "--report", str(page)]
+    assert run(["compare", *given]) == NoOverlapError.exit_code
     said = capsys.readouterr()
     assert "cv2.Stitcher: need more images" in said.err
     assert "0 of 2" in said.err
     assert "error: no two photos overlap" in said.err
+    assert f"report: {page}" in said.err
     assert not output.exists()
+    assert "need more images" in page.read_text(encoding="utf-8")
 
 
 def test_a_rival_that_is_not_installed_is_said_before_anything_is_done(photos, tmp_path, monkeypatch, capsys):

@@ -28,14 +28,17 @@ def test_a_cube_has_a_report(call, photos, tmp_path):
 
 
 def test_a_failure_has_a_report_and_names_it(call, photos, strays, tmp_path):
-    result = call(photos / "a.jpg", strays / "lonely.jpg", "-o", "out.jpg", "--report", "why.html", *QUICK)
+    given = [photos / "a.jpg", strays / "lonely.jpg", strays / "letter.jpg"]
+    result = call(*given, "-o", "out.jpg", "--report", "why.html", *QUICK)
 
     assert result.code == 4
     assert "  report: why.html\n" in result.err
     assert not (tmp_path / "out.jpg").exists()
     page = (tmp_path / "why.html").read_text()
     assert "Failed with exit code 4" in page
-    assert "lonely.jpg" in page
+    assert "Left out: lonely.jpg" in page
+    assert "Left out: letter.jpg" in page
+    assert ">unreadable</span>" in page
 
 
 def test_photos_that_are_required_and_missing_have_a_report(call, photos, strays, tmp_path):

@@ -1,15 +1,18 @@
 """`panostitch compare`: cv2.Stitcher or Hugin, and panostitch, on the same photos."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from panostitch.cli.options import every_stage, options_of, run_options
+from panostitch.cli.options import every_stage, options_of, report_option, run_options
 
 if TYPE_CHECKING:
     from panostitch.jobs.compare import Comparison, Misfit
     from panostitch.jobs.contender import Outcome
+    from panostitch.model.photo import Photo
     from panostitch.model.score import Score
+    from panostitch.options import Options
 
 HEAD = ("", "photos", "panorama", "seconds", "CPU s", "memory MB", "median px", "rms px", "95 % px")
 SCORE_HEAD = ("", "score", "shift px", "95 % px", "colour dE", "structure", "ghost", "blur", "worst at")
@@ -28,6 +31,7 @@ WORST_SHOWN = 3
     show_default=True,
     help="The other program: OpenCV's cv2.Stitcher, or Hugin's tools, which have to be installed.",
 )
+@report_option
 @every_stage
 @run_options
 def command(photos: tuple[str, ...], output: str, rival: str, **given: Any) -> int:
@@ -41,6 +45,7 @@ def command(photos: tuple[str, ...], output: str, rival: str, **given: Any) -> i
 
     from panostitch.cli import report
     from panostitch.cli.session import executor, open_given
+    from panostitch.cli.writing import check_report
     from panostitch.errors import EXIT_BUG, PanostitchError
     from panostitch.io import writers
     from panostitch.jobs import compare
@@ -48,6 +53,7 @@ def command(photos: tuple[str, ...], output: str, rival: str, **given: Any) -> i
     compare.check_rival(rival)
     opened, _, _ = open_given(photos, require_all=True)  # other programs would stumble over what cannot be read
     writers.check_output(output, overwrite=given["overwrite"], inputs=[photo.path for photo in opened])
+    check_report(given, [photo.path for photo in opened])
     settings = {name: given[name] for name in ("threads", "debug_dir", "overwrite")}
     with tempfile.TemporaryDirectory(prefix="panostitch-compare-") as folder:
         options, run = options_of(given), executor(given)
@@ -55,6 +61,8 @@ def command(photos: tuple[str, ...], output: str, rival: str, **given: Any) -> i
         failure = compare.failure(comparison)
         if not failure:
             writers.write_picture(output, compare.side_by_side(comparison), quality=given["quality"])
+        if given["report"]:
+            write_page(comparison, failure, opened, options, output, given["report"])
     if failure or not comparison.ours.alignment:
         code = failure.exit_code if isinstance(failure, PanostitchError) else EXIT_BUG
     else:
@@ -67,7 +75,51 @@ def command(photos: tuple[str, ...], output: str, rival: str, **given: Any) -> i
         raise failure
     if not given["quiet"]:
         report.say(f"{output}: both panoramas, one above the other")
+        if given["report"]:
+            report.say(f"{given['report']}: both of them, for a browser")
     return code
+
+
+def write_page(
+    comparison: "Comparison",
+    failure: Exception | None,
+    photos: "Sequence[Photo]",
+    options: "Options",
+    output: str,
+    path: str,
+) -> None:
+    """Both programs on one page, with the cameras of ours. Raises OutputError."""
+    from panostitch.errors import PanostitchError
+    from panostitch.jobs.compare import reduced
+    from panostitch.report import Beside, Panorama, Record, Table, write_report
+
+    record = Record()
+    record.photos = {photo.name: photo for photo in photos}
+    record.alignment = comparison.ours.alignment
+    record.path = "" if failure else output
+    misfits = zip(comparison.outcomes, comparison.misfits, strict=True)
+    scores = zip(comparison.outcomes, comparison.scores, strict=True)
+    tables = (
+        Table(HEAD, [_row(comparison, outcome, misfit) for outcome, misfit in misfits]),
+        Table(SCORE_HEAD, [_score_row(outcome, score) for outcome, score in scores if score]),
+    )
+    panoramas = [
+        Panorama(outcome.program, reduced(outcome) if outcome.picture else None, _words(comparison, outcome))
+        for outcome in comparison.outcomes
+    ]
+    error = failure if isinstance(failure, PanostitchError) else None
+    write_report(record, path, options, error=error, beside=Beside(tables, panoramas))
+    if error:
+        error.details = (*error.details, f"report: {path}")
+
+
+def _words(comparison: "Comparison", outcome: "Outcome") -> str:
+    """What a program made, or why it made nothing."""
+    if not outcome.size:
+        return outcome.status
+    left_out = comparison.left_out(outcome)
+    size = f"{outcome.size[0]} x {outcome.size[1]} px"
+    return f"{size}, without {', '.join(left_out)}" if left_out else f"{size}, all photos"
 
 
 def say_comparison(comparison: "Comparison") -> None:

@@ -76,6 +76,14 @@ def run_options(command: Command) -> Command:
     return command
 
 
+report_option = click.option(
+    "--report",
+    metavar="FILE.html",
+    default=None,
+    help="Show what became of the photos, and why, in one page.",
+)
+
+
 def inclusion_options(*, exclude: bool = True) -> Callable[[Command], Command]:
     """Decorate a command with what it does where not every photo is in the panorama."""
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from panostitch.cli.options import report_option
 from panostitch.errors import UsageError
 
 if TYPE_CHECKING:
@@ -24,9 +25,7 @@ def write_options(command: "Command") -> "Command":
         click.option(
             "--resume", is_flag=True, help="Go on from the tiles that a killed run left in PANORAMA.partial; keep them."
         ),
-        click.option(
-            "--report", metavar="FILE.html", default=None, help="Show what became of the photos, and why, in one page."
-        ),
+        report_option,
         click.option(
             "--dry-run", is_flag=True, help="Say how large the panorama will be and what it takes, then stop."
         ),

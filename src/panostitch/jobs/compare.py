@@ -218,7 +218,7 @@ def failure(comparison: Comparison) -> Exception | None:
 
 def side_by_side(comparison: Comparison) -> Pixels:
     """One picture (h, w, 3) RGB of both panoramas, one above the other, each under its label."""
-    panoramas = [_reduced(outcome) for outcome in comparison.outcomes]
+    panoramas = [reduced(outcome) for outcome in comparison.outcomes]
     width = max(NARROWEST, *(panorama.shape[1] for panorama in panoramas)) + 2 * MARGIN
     height = sum(LABEL + panorama.shape[0] + MARGIN for panorama in panoramas)
     picture = ink.blank(height, width)
@@ -240,7 +240,7 @@ def _label(comparison: Comparison, outcome: Outcome) -> str:
     return f"{name}: {outcome.size[0]} x {outcome.size[1]} px, {count}"
 
 
-def _reduced(outcome: Outcome) -> Pixels:
+def reduced(outcome: Outcome) -> Pixels:
     """A panorama no larger than fits into the picture of both; nothing (0, 0, 3) where there is none."""
     if not outcome.picture:
         return np.zeros((0, 0, 3), np.uint8)

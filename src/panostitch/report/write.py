@@ -17,6 +17,7 @@ from panostitch.model.score import VISIBLE
 from panostitch.options import Options
 from panostitch.report import lines
 from panostitch.report.album import photos_shown, shown
+from panostitch.report.beside import Beside
 from panostitch.report.explained import explained
 from panostitch.report.facts import camera_rows, histogram, option_rows, photo_rows
 from panostitch.report.graph import WIDTH, graph
@@ -35,18 +36,27 @@ def check_installed() -> None:
         )
 
 
-def write_report(record: Record, path: str, options: Options, *, error: PanostitchError | None = None) -> None:
-    """Write the report of a run, or of what became of it until an error. Raises OutputError."""
-    write_bytes(path, render(content(record, options, error)))
+def write_report(
+    record: Record, path: str, options: Options, *, error: PanostitchError | None = None, beside: Beside | None = None
+) -> None:
+    """Write the report of a run, or of what became of it until an error. Raises OutputError.
+
+    beside: what other programs made of the same photos
+    """
+    write_bytes(path, render(content(record, options, error, beside)))
 
 
-def content(record: Record, options: Options, error: PanostitchError | None = None) -> dict[str, Any]:
+def content(record: Record, options: Options, error: PanostitchError | None, beside: Beside | None) -> dict[str, Any]:
     """All that the template shows."""
     pairs = pairs_shown(record)
     rows = photo_rows(record)
     return {
         "title": os.path.basename(record.path) or "No panorama",
         "error": error,
+        "beside": beside,
+        "panoramas": [(one, shown(to_bytes(one.picture))) for one in beside.panoramas if one.picture is not None]
+        if beside
+        else [],
         "record": record,
         "pictures": photos_shown(record.photos),
         "numbers": {name: number for number, name in enumerate(record.photos, start=1)},
