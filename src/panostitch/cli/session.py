@@ -58,7 +58,6 @@ def listening(given: dict[str, Any], options: "Options") -> Iterator["Trace"]:
 
         record = Record()
         try:
-            # the report listens first: its seconds are without the time that drawing takes
             yield combine(record, dump)
         except PanostitchError as error:
             error.details = (*error.details, _report_of(error, record, path, options))
