@@ -19,8 +19,10 @@ if TYPE_CHECKING:
 def executor(given: dict[str, Any]) -> "Executor":
     """Threads and progress bars as the user asked."""
     from panostitch.runtime.executor import Executor, no_progress
+    from panostitch.runtime.memory import keep_freed
     from panostitch.runtime.progress import terminal_progress
 
+    keep_freed()
     quiet = given["quiet"] or given["as_json"]
     return Executor(given["threads"] or os.cpu_count() or 1, no_progress if quiet else terminal_progress)
 

@@ -25,7 +25,7 @@ INTERPOLATION = {
     "lanczos": cv2.INTER_LANCZOS4,
 }
 LARGEST = 1 << 18  # px, most that is made in one go,
-IN_CACHE = 1 << 16  # and around seams, or sampled and exposed, while it is in the processor's cache
+IN_CACHE = 1 << 17  # and around seams, or sampled and exposed, while it is in the processor's cache
 SMALLEST = 128  # px: no side is cut that is no longer
 LABEL_MARGIN = 2  # px of the reduced canvas around a tile, so that enlarging needs no edge
 
