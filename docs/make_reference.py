@@ -51,6 +51,7 @@ def exit_codes_page() -> str:
         errors.EXIT_BATCH_FAILED: "batch: some panoramas failed; the table and `--json` have the code of each",
         errors.EXIT_DAMAGED: "the installation is damaged; `panostitch doctor` says what to do",
         errors.EXIT_INTERRUPTED: "interrupted",
+        errors.EXIT_PIPE: "who read the output went away before its end",
     }
     for error in errors.PanostitchError.__subclasses__():
         rows[error.exit_code] = error.__doc__.splitlines()[0].rstrip(".")

@@ -22,6 +22,7 @@ EXIT_LEFT_OUT = 3
 EXIT_BATCH_FAILED = 10
 EXIT_DAMAGED = 11
 EXIT_INTERRUPTED = 130
+EXIT_PIPE = 141  # as of programs that SIGPIPE ends
 
 
 class PanostitchError(Exception):

@@ -1,6 +1,9 @@
 """`panostitch inspect`: lines and JSON on standard output, errors with their exit code."""
 
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -101,3 +104,14 @@ def test_a_panorama_is_scored_against_its_photos(call, photos):
 
 def test_a_project_has_no_score(call, photos):
     assert call("inspect", "x.pano.json", "--photos", photos).code == 2
+
+
+def test_a_reader_that_goes_away_is_no_bug(picture, tmp_path):
+    reader, writer = os.pipe()
+    os.close(reader)
+
+    command = [sys.executable, "-m", "panostitch", "inspect", str(tmp_path / picture), "--json"]
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True)
+    os.close(writer)
+
+    assert (done.returncode, done.stderr) == (141, "")

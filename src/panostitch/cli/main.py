@@ -14,7 +14,7 @@ from typing import Any
 import click
 
 from panostitch.cli.terminal import say_error
-from panostitch.errors import EXIT_BUG, EXIT_DAMAGED, EXIT_INTERRUPTED, PanostitchError
+from panostitch.errors import EXIT_BUG, EXIT_DAMAGED, EXIT_INTERRUPTED, EXIT_PIPE, PanostitchError
 
 # Name of a command: its module and one line of help.
 COMMANDS = {
@@ -107,10 +107,10 @@ def run(arguments: list[str]) -> int:
         return error.exit_code
     except ImportError as error:
         return _report_bug() if (error.name or "").startswith("panostitch") else _report_damage(error)
-    except BrokenPipeError:
-        # the reader of our output went away: nobody is left to tell
+    except (BrokenPipeError, SystemExit):
+        # The reader of our output went away: nobody is left to tell. Click makes an exit of it, and of nothing else.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return EXIT_BUG
+        return EXIT_PIPE
     except Exception:
         return _report_bug()
     return int(code or 0)
