@@ -1,7 +1,7 @@
 """A region of the panorama at full size: warp, light, seams, fine bands over what the low bands change."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import cv2
@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from panostitch.compositing.blend import BLENDERS, Blender
 from panostitch.compositing.blend.pieces import Floats, Piece, hard_composite, only
+from panostitch.compositing.crop import bounding_box
 from panostitch.compositing.light import expose, factors
-from panostitch.compositing.warp import Blocks, Decoded, blocks, read_for, sample
+from panostitch.compositing.warp import Blocks, Decoded, Raster, blocks, read_for, sample
 from panostitch.model.alignment import Alignment
 from panostitch.model.canvas import Canvas, Layer, Region
+from panostitch.model.light import Light
 from panostitch.model.panorama import Plan
 from panostitch.options import CompositingOptions
 
@@ -74,10 +76,10 @@ def compose(work: Work, region: Region) -> Layer:
         _alone(sight, photos[0], part) if len(photos) == 1 else _joined(sight, photos, part)
         for part, photos in sight.parts(region)
     ]
-    return layers[0] if len(layers) == 1 else _together(region, layers)
+    return layers[0] if len(layers) == 1 else together(region, layers)
 
 
-def _together(region: Region, layers: list[Layer]) -> Layer:
+def together(region: Region, layers: list[Layer]) -> Layer:
     """Layers that share out a region."""
     pixels, mask = np.empty((region.height, region.width, 3), np.float32), np.empty((region.height, region.width), bool)
     for layer in layers:
@@ -163,10 +165,15 @@ class Sight:
             self._grids[photo] = blocks(camera, work.canvas, self.region)
         pixels, mask = np.empty((part.height, part.width, 3), np.float32), np.empty((part.height, part.width), bool)
         for band in part.tiles(part.width, max(1, IN_CACHE // part.width)):
-            grid, rows = self.grid(photo, band), band.within(part)
-            sampled = sample(raster, grid, INTERPOLATION[work.options.interpolation])
-            pixels[rows], mask[rows] = expose(sampled.pixels, factors(work.plan.light, photo, grid)), sampled.mask
+            layer, rows = lit(raster, self.grid(photo, band), work.plan.light, photo, work.options), band.within(part)
+            pixels[rows], mask[rows] = layer.pixels, layer.mask
         return Layer(part, pixels, mask)
+
+
+def lit(raster: Raster, grid: Blocks, light: Light, photo: int, options: CompositingOptions) -> Layer:
+    """A photo at the pixels of a grid's region, in the panorama's light."""
+    sampled = sample(raster, grid, INTERPOLATION[options.interpolation])
+    return Layer(grid.region, expose(sampled.pixels, factors(light, photo, grid)), sampled.mask)
 
 
 def _alone(sight: Sight, photo: int, part: Region) -> Layer:
@@ -197,10 +204,8 @@ def _joined(sight: Sight, photos: list[int], part: Region) -> Layer:
 
 def _place(owned: NDArray[np.bool_], work: Work, tile: Region) -> Region:
     """The part of a tile in which a photo is needed: what it may own by its labels (h, w), and a halo around that."""
-    rows, columns = (np.flatnonzero(owned.any(axis)) for axis in (1, 0))
-    small = tile.divided(work.plan.factor)
-    x, y = small.x - LABEL_MARGIN + int(columns[0]), small.y - LABEL_MARGIN + int(rows[0])
-    labelled = Region(x, y, int(np.ptp(columns)) + 1, int(np.ptp(rows)) + 1)
+    small, box = tile.divided(work.plan.factor), bounding_box(owned)
+    labelled = replace(box, x=small.x - LABEL_MARGIN + box.x, y=small.y - LABEL_MARGIN + box.y)
     return labelled.grown(work.halo + LABEL_MARGIN).times(work.plan.factor) & tile
 
 

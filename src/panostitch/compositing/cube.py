@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from panostitch.compositing.compose import Work, compose
+from panostitch.compositing.compose import Work, compose, together
 from panostitch.compositing.cost import kept_bytes, photo_budget, tile_bytes
 from panostitch.compositing.crop import Crop
 from panostitch.compositing.frame import window
@@ -202,12 +202,8 @@ def _parts(faces: Sequence[Face], region: Region) -> list[tuple[Face, Region]]:
 
 def _read(faces: Sequence[Face], region: Region) -> Layer:
     """The pixels of a region of the row."""
-    pixels = np.zeros((region.height, region.width, 3), np.float32)
-    mask = np.zeros((region.height, region.width), bool)
-    for face, part in _parts(faces, region):
-        layer, place = compose(face.work, face.own(part)), part.within(region)
-        pixels[place], mask[place] = layer.pixels, layer.mask
-    return Layer(region, pixels, mask)
+    parts = _parts(faces, region)
+    return together(region, [replace(compose(face.work, face.own(part)), region=part) for face, part in parts])
 
 
 def _photos(faces: Sequence[Face], region: Region) -> frozenset[int]:

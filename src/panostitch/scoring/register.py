@@ -22,6 +22,7 @@ from panostitch.model.photo import Photo
 from panostitch.options import FeatureOptions, MatchingOptions
 from panostitch.scoring import patches
 from panostitch.scoring.patches import HALF
+from panostitch.synthetic.render import ArraySource
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
@@ -97,7 +98,7 @@ def _resize(old: tuple[int, int], new: tuple[int, int]) -> Floats:
 
 def register(picture: Pixels, photos: Sequence[Photo]) -> list[tuple[int, SmoothMap]]:
     """Where each photo lies in a picture (h, w, 3): none, one or more maps each, as (photo, map)."""
-    as_photo = Photo("the picture", picture.shape[1::-1], _Given(picture))
+    as_photo = Photo("the picture", picture.shape[1::-1], ArraySource(picture))
     typical = float(np.median([photo.megapixels for photo in photos]))
     larger = max(1.0, as_photo.megapixels / typical)
     megapixels = min(MOST_MEGAPIXELS, PHOTO_MEGAPIXELS * larger)
@@ -112,20 +113,6 @@ def register(picture: Pixels, photos: Sequence[Photo]) -> list[tuple[int, Smooth
         found += [(n, refined) for rough in _rough_maps(whole, own, photo.size)
                   if (refined := _refined(rough, picture, photo))]  # fmt: skip
     return found
-
-
-@dataclass(frozen=True)
-class _Given:
-    """The picture as the source of a photo's pixels."""
-
-    pixels: Pixels
-
-    def read(self, scale: float = 1.0) -> tuple[Pixels, None]:
-        """The pixels at `scale` <= 1."""
-        if scale == 1.0:
-            return self.pixels, None
-        height, width = self.pixels.shape[:2]
-        return resized(self.pixels, (max(1, round(width * scale)), max(1, round(height * scale)))), None
 
 
 def resized(pixels: Pixels, size: tuple[int, int]) -> Pixels:

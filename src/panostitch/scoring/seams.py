@@ -11,9 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from panostitch.compositing.compose import INTERPOLATION
-from panostitch.compositing.light import expose, factors
-from panostitch.compositing.warp import Decoded, blocks, decoded_photos, read_for, sample
+from panostitch.compositing.compose import lit
+from panostitch.compositing.warp import Decoded, blocks, decoded_photos, read_for
 from panostitch.model.alignment import Alignment
 from panostitch.model.canvas import Canvas, Layer, Region
 from panostitch.model.panorama import NOBODY, Panorama
@@ -78,15 +77,14 @@ def _judge(
     panorama: Panorama, options: CompositingOptions, decoded: Decoded, fitted: Floats, tile: Region
 ) -> list[tuple[Pair, Places, float]]:
     """For each pair of photos with a seam in a tile: the places on it, and its length px there."""
-    alignment, canvas = panorama.alignment, panorama.canvas
+    alignment = panorama.alignment
     assert alignment
     region = tile.grown(MARGIN)
     seams = _seams_in(panorama, tile)
     if not seams:
         return []
     seen = partial(_seen, alignment, panorama, options, decoded, region)
-    numbers = sorted({n for pair in seams for n in pair})
-    layers = [seen(n) for n in numbers if not blocks(alignment.cameras[n], canvas, region).misses]
+    layers = [layer for n in sorted({n for pair in seams for n in pair}) if (layer := seen(n))]
     picture = panorama.read(region)
     pixels = np.clip(np.rint(picture.pixels), 0, 255)
     places = judge_tile(Layer(region, pixels, picture.mask), layers, _about(region, seams))
@@ -96,13 +94,16 @@ def _judge(
 
 def _seen(
     alignment: Alignment, panorama: Panorama, options: CompositingOptions, decoded: Decoded, region: Region, photo: int
-) -> Layer:
-    """A photo as it lies in a region of the canvas, in the panorama's light."""
-    canvas = panorama.canvas
-    raster, camera = decoded.get(photo, partial(read_for, alignment.photos[photo], alignment.cameras[photo], canvas))
-    grid = blocks(camera, canvas, region)
-    layer = sample(raster, grid, INTERPOLATION[options.interpolation])
-    return Layer(region, expose(layer.pixels, factors(panorama.plan.light, photo, grid)), layer.mask)
+) -> Layer | None:
+    """A photo as it lies in a region of the canvas, in the panorama's light; None where it shows nothing of it."""
+    canvas, own = panorama.canvas, alignment.cameras[photo]
+    grid = blocks(own, canvas, region)
+    if grid.misses:
+        return None
+    raster, camera = decoded.get(photo, partial(read_for, alignment.photos[photo], own, canvas))
+    if camera.size != own.size:
+        grid = blocks(camera, canvas, region)
+    return lit(raster, grid, panorama.plan.light, photo, options)
 
 
 def _seams_in(panorama: Panorama, tile: Region) -> dict[Pair, tuple[Floats, float]]:
