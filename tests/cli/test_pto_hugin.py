@@ -13,7 +13,7 @@ from PIL import Image
 from panostitch import pipeline
 from panostitch.compositing import frame, lay_out
 from panostitch.compositing.view import look
-from panostitch.compositing.warp import blocks, read_for, warp
+from panostitch.compositing.warp import blocks, read_for, warp_and_place
 from panostitch.geometry import rotation
 from panostitch.io.pto import read_pto, write_pto
 from panostitch.io.pto.canvas import NUMBERS
@@ -198,7 +198,7 @@ def test_nona_renders_what_we_render(truth, tmp_path, projection):
         with Image.open(tmp_path / f"layer{n:04d}.tif") as image:
             theirs = np.asarray(image, np.float64)
         assert theirs.shape[:2] == (plan.crop.height, plan.crop.width)
-        ours = warp(*read_for(photo, camera, canvas), canvas, plan.crop, interpolation=cv2.INTER_CUBIC)
+        ours = warp_and_place(*read_for(photo, camera, canvas), canvas, plan.crop, interpolation=cv2.INTER_CUBIC)[0]
         inside = cv2.erode((ours.mask & (theirs[..., 3] > 0)).astype(np.uint8), np.ones((9, 9))).astype(bool)
         assert inside.sum() > 10_000
         exposed = ours.pixels.mean(2) * plan.light.brightness[n]
@@ -221,7 +221,7 @@ def test_nona_undoes_the_light_that_we_undo(truth, tmp_path):
     for n, (photo, camera) in enumerate(zip(truth.photos, truth.cameras, strict=True)):
         with Image.open(tmp_path / f"layer{n:04d}.tif") as image:
             theirs = np.asarray(image, np.float64)
-        ours = warp(*read_for(photo, camera, canvas), canvas, canvas.region, interpolation=cv2.INTER_CUBIC)
+        ours = warp_and_place(*read_for(photo, camera, canvas), canvas, canvas.region, interpolation=cv2.INTER_CUBIC)[0]
         x, y, _ = blocks(camera, canvas, canvas.region).coordinates
         square = radius_square(np.stack([x, y], axis=-1), camera.size)
         exposed = ours.pixels * light.gains[n] * light.brightening(n, np.minimum(square, 1))[..., None]

@@ -41,7 +41,7 @@ def energies(scale, *, reduce_below):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(warp, "REDUCE_BELOW", reduce_below)
         raster, reduced = warp.read_for(photo, camera, canvas)
-    layer = warp.warp(raster, reduced, canvas, canvas.region, interpolation=cv2.INTER_CUBIC)
+    layer = warp.warp_and_place(raster, reduced, canvas, canvas.region, interpolation=cv2.INTER_CUBIC)[0]
     x, y = np.meshgrid(*(np.arange(n, dtype=float) for n in canvas.size))
     seen = camera.project(canvas.rays(np.column_stack([x.ravel(), y.ravel()]))) - (np.array(SIZE) - 1) / 2
     radius = np.hypot(*seen.T).reshape(x.shape)
@@ -89,7 +89,7 @@ def test_kernels_are_as_sharp_as_they_are_said_to_be():
     band = (square > 210**2 / 4) & (square < 140**2) & (np.abs(seen).max(2) < 140)
     errors = {}
     for name, flag in INTERPOLATION.items():
-        layer = warp.warp((picture, None), camera, canvas, canvas.region, interpolation=flag)
+        layer = warp.warp_and_place((picture, None), camera, canvas, canvas.region, interpolation=flag)[0]
         off = layer.pixels[..., 0] - (127.5 + CONTRAST * np.cos(0.006 * square))
         errors[name] = float(np.sqrt((off[band] ** 2).mean()))
 

@@ -115,7 +115,7 @@ def test_pixels_are_those_of_the_formula_sampled_by_scipy(projection, lens):
     camera, canvas = setting(projection, lens)
     picture = soft_picture()
 
-    layer = warp.warp((picture, None), camera, canvas, canvas.region, interpolation=cv2.INTER_LINEAR)
+    layer = warp.warp_and_place((picture, None), camera, canvas, canvas.region, interpolation=cv2.INTER_LINEAR)[0]
 
     worst, mean = off(layer, picture, exact(camera, canvas, canvas.region))
     assert worst < SAMPLED_WORST
@@ -138,7 +138,7 @@ def test_one_pixel_is_noticed(shift):
     picture = soft_picture()
     moved = np.roll(picture, shift, axis=(1, 0))
 
-    layer = warp.warp((moved, None), camera, canvas, canvas.region, interpolation=cv2.INTER_LINEAR)
+    layer = warp.warp_and_place((moved, None), camera, canvas, canvas.region, interpolation=cv2.INTER_LINEAR)[0]
 
     worst, mean = off(layer, picture, exact(camera, canvas, canvas.region))
     assert worst > SHIFTED_WORST
@@ -201,10 +201,10 @@ def test_parts_may_lie_beside_the_canvas():
 def test_large_regions_are_made_in_pieces(monkeypatch):
     camera, canvas = setting()
     picture = soft_picture()
-    at_once = warp.warp((picture, None), camera, canvas, canvas.region, interpolation=cv2.INTER_CUBIC)
+    at_once = warp.warp_and_place((picture, None), camera, canvas, canvas.region, interpolation=cv2.INTER_CUBIC)[0]
 
     monkeypatch.setattr(warp, "CHUNK", 100)
-    in_pieces = warp.warp((picture, None), camera, canvas, canvas.region, interpolation=cv2.INTER_CUBIC)
+    in_pieces = warp.warp_and_place((picture, None), camera, canvas, canvas.region, interpolation=cv2.INTER_CUBIC)[0]
 
     assert np.array_equal(in_pieces.mask, at_once.mask)
     np.testing.assert_allclose(in_pieces.pixels, at_once.pixels, atol=SAMPLED_WORST)
@@ -214,7 +214,9 @@ def test_large_regions_are_made_in_pieces(monkeypatch):
 def test_the_mask_is_the_photo_s_outline(lens):
     camera, canvas = setting("cylindrical", lens)
 
-    layer = warp.warp((soft_picture(), None), camera, canvas, canvas.region, interpolation=cv2.INTER_LINEAR)
+    layer = warp.warp_and_place((soft_picture(), None), camera, canvas, canvas.region, interpolation=cv2.INTER_LINEAR)[
+        0
+    ]
 
     truth = exact(camera, canvas, canvas.region)
     assert layer.mask[inside(truth, SIZE, margin=-0.5 + COORDINATES)].all()
@@ -225,7 +227,9 @@ def test_nothing_is_seen_behind_the_camera():
     camera = rig([0.0], size=SIZE, focal=430.0)[0]
     canvas = Canvas("equirectangular", 100.0, (-314.0, -157.0), (629, 315))
 
-    layer = warp.warp((soft_picture(), None), camera, canvas, canvas.region, interpolation=cv2.INTER_LINEAR)
+    layer = warp.warp_and_place((soft_picture(), None), camera, canvas, canvas.region, interpolation=cv2.INTER_LINEAR)[
+        0
+    ]
 
     assert np.isfinite(layer.pixels).all()
     columns = np.flatnonzero(layer.mask.any(0))
@@ -242,7 +246,10 @@ def test_a_photo_misses_what_its_mask_misses(projection):
     tiles = canvas.region.tiles(300)
 
     missed = [warp.blocks(camera, canvas, tile).misses for tile in tiles]
-    empty = [not warp.warp(raster, camera, canvas, tile, interpolation=cv2.INTER_LINEAR).mask.any() for tile in tiles]
+    empty = [
+        not warp.warp_and_place(raster, camera, canvas, tile, interpolation=cv2.INTER_LINEAR)[0].mask.any()
+        for tile in tiles
+    ]
 
     # to overlook an empty tile costs time, to miss a pixel would leave a hole
     assert all(nothing for nothing, miss in zip(empty, missed, strict=True) if miss)
@@ -254,7 +261,9 @@ def test_transparent_pixels_stay_transparent():
     alpha = np.full((SIZE[1], SIZE[0]), 255, np.uint8)
     alpha[100:200, 150:250] = 0
 
-    layer = warp.warp((soft_picture(), alpha), camera, canvas, canvas.region, interpolation=cv2.INTER_LINEAR)
+    layer = warp.warp_and_place((soft_picture(), alpha), camera, canvas, canvas.region, interpolation=cv2.INTER_LINEAR)[
+        0
+    ]
 
     xy = exact(camera, canvas, canvas.region)
     hole = inside(xy - (150, 100), (100, 100))
@@ -326,11 +335,11 @@ def test_a_reduced_photo_lies_where_the_full_one_does(scale):
     canvas = lay_out(alignment_of([camera]), LayoutOptions(scale=scale))
 
     raster, small_camera = warp.read_for(Photo("p", SIZE, ArraySource(picture)), camera, canvas)
-    small = warp.warp(raster, small_camera, canvas, canvas.region, interpolation=cv2.INTER_LINEAR)
-    full = warp.warp((picture, None), camera, canvas, canvas.region, interpolation=cv2.INTER_LINEAR)
-    aside = warp.warp(
+    small = warp.warp_and_place(raster, small_camera, canvas, canvas.region, interpolation=cv2.INTER_LINEAR)[0]
+    full = warp.warp_and_place((picture, None), camera, canvas, canvas.region, interpolation=cv2.INTER_LINEAR)[0]
+    aside = warp.warp_and_place(
         (np.roll(picture, 2, axis=1), None), camera, canvas, canvas.region, interpolation=cv2.INTER_LINEAR
-    )
+    )[0]
 
     both = cv2.erode((small.mask & full.mask).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
     assert raster[0].shape[1] == SIZE[0] * scale

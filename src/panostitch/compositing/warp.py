@@ -133,11 +133,6 @@ def blocks(camera: Camera, canvas: Canvas, region: Region) -> Blocks:
     return Blocks(camera, canvas, region, outer, seen, known, _bent(nodes, camera))
 
 
-def warp(raster: Raster, camera: Camera, canvas: Canvas, region: Region, *, interpolation: int) -> Layer:
-    """The part of a photo that falls into a region of the canvas."""
-    return warp_and_place(raster, camera, canvas, region, interpolation=interpolation)[0]
-
-
 def warp_and_place(
     raster: Raster, camera: Camera, canvas: Canvas, region: Region, *, interpolation: int
 ) -> tuple[Layer, NDArray[np.float32]]:
