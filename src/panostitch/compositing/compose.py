@@ -161,7 +161,8 @@ class Sight:
         """A photo in a part, in the panorama's light."""
         work, own = self.work, self.work.alignment.cameras[photo]
         raster, camera = work.decoded.get(photo, partial(read_for, work.alignment.photos[photo], own, work.canvas))
-        if camera.size != own.size:
+        known = self._grids.get(photo)
+        if known is None or known.camera.size != camera.size:  # that of the whole photo, made before it was read
             self._grids[photo] = blocks(camera, work.canvas, self.region)
         pixels, mask = np.empty((part.height, part.width, 3), np.float32), np.empty((part.height, part.width), bool)
         for band in part.tiles(part.width, max(1, IN_CACHE // part.width)):
