@@ -9,6 +9,7 @@ from scipy.ndimage import map_coordinates
 
 from compositing.mosaics import alignment_of
 from panostitch.compositing import lay_out, warp
+from panostitch.compositing.compose import INTERPOLATION
 from panostitch.compositing.view import look
 from panostitch.geometry.projections import PROJECTIONS
 from panostitch.model.canvas import Canvas, Region
@@ -37,6 +38,8 @@ SHIFTED_WORST, SHIFTED_MEAN = 10.0, 2.0
 # Grey levels, mean; a picture reduced to a quarter, sampled where the full one is. 0.35 seen; half a reduced pixel
 # aside, which is 1 or 2 px, it would be 0.8 or 1.6.
 REDUCED_MEAN = 0.6
+# Grey levels; float32 sums of up to 64 products of up to 255
+ROUNDING = 1e-3
 # px; float32 coordinates up to 400 px
 SAME = 1e-4
 
@@ -130,6 +133,25 @@ def off(layer, picture, truth):
     sampled = np.column_stack([map_coordinates(picture[..., c].astype(float), at, order=1) for c in range(3)])
     difference = np.abs(layer.pixels[seen] - sampled)
     return float(difference.max()), float(difference.mean())
+
+
+@pytest.mark.parametrize("interpolation", INTERPOLATION.values(), ids=list(INTERPOLATION))
+@pytest.mark.parametrize(("right", "down"), [(0.4, 0.5), (0.0, 0.0), (0.9, 0.9), (-3.0, 0.0)])
+def test_a_region_is_sampled_as_from_the_whole_photo(right, down, interpolation):
+    """From its window, which must hold all that an interpolation looks at; within, across and beyond edges."""
+    camera, canvas = setting()
+    picture = np.random.default_rng(8).integers(0, 256, (SIZE[1], SIZE[0], 3)).astype(np.uint8)
+    (seen,) = warp.footprints([camera], canvas)[0]
+    grid = warp.blocks(
+        camera, canvas, Region(seen.x + int(right * seen.width), seen.y + int(down * seen.height), 60, 50)
+    )
+    assert grid.window.area < picture[..., 0].size / 4
+
+    layer = warp.sample((picture, None), grid, interpolation)
+
+    x, y, _ = grid.coordinates
+    whole = cv2.remap(picture.astype(np.float32), x, y, interpolation, borderMode=cv2.BORDER_REPLICATE)
+    np.testing.assert_allclose(layer.pixels, whole, rtol=0, atol=ROUNDING)
 
 
 @pytest.mark.parametrize("shift", [(1, 0), (0, 1)])

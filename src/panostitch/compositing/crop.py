@@ -28,13 +28,7 @@ def largest_rectangle(covered: NDArray[np.bool_]) -> Region:
     height, width = (side // step * step for side in covered.shape)
     cells = covered[:height, :width].reshape(height // step, step, width // step, step)
     blocks = np.asarray(cells.all(axis=(1, 3)))
-    best = Region(0, 0, 0, 0)
-    heights = np.zeros(blocks.shape[1], np.int64)
-    for bottom, row in enumerate(blocks, start=1):
-        heights = np.where(row, heights + 1, 0)
-        candidate = _largest_under(heights.tolist(), bottom)
-        if candidate.area > best.area:
-            best = candidate
+    best = _largest(blocks)
     return _grown_inside(best.times(step), covered) if best else best
 
 
@@ -51,17 +45,20 @@ def _grown_inside(region: Region, covered: NDArray[np.bool_]) -> Region:
     return region
 
 
-def _largest_under(heights: list[int], bottom: int) -> Region:
-    """The largest rectangle that stands on a row, by the histogram method: a stack of rising heights."""
+def _largest(blocks: NDArray[np.bool_]) -> Region:
+    """The largest rectangle of True pixels: row by row the tallest one over each column, as wide as that allows."""
+    columns, width = np.arange(blocks.shape[1]), blocks.shape[1]
     best = Region(0, 0, 0, 0)
-    rising: list[tuple[int, int]] = []  # (first column, height), heights rising
-    for column, height in enumerate([*heights, 0]):
-        first = column
-        while rising and rising[-1][1] >= height:
-            first, tall = rising.pop()
-            if (column - first) * tall > best.area:
-                best = Region(first, bottom - tall, column - first, tall)
-        rising.append((first, height))
+    height, left, right = np.zeros(width, np.int64), np.zeros(width, np.int64), np.full(width, width)
+    for bottom, row in enumerate(blocks, start=1):
+        first = np.maximum.accumulate(np.where(row, 0, columns + 1))
+        behind = np.minimum.accumulate(np.where(row, width, columns)[::-1])[::-1]
+        height = np.where(row, height + 1, 0)
+        left, right = np.where(row, np.maximum(left, first), 0), np.where(row, np.minimum(right, behind), width)
+        area = height * (right - left)
+        n = int(area.argmax())
+        if area[n] > best.area:
+            best = Region(int(left[n]), bottom - int(height[n]), int(right[n] - left[n]), int(height[n]))
     return best
 
 

@@ -99,7 +99,7 @@ def _solve(overlaps: Overlaps, count: int, falls: Floats, weights: Floats) -> Fi
         cross = _into_photos(overlaps, count, weighted)
         square = falls.T @ weighted - cross.T @ solver @ cross + np.eye(falls.shape[1]) / FALL_OFF_SPREAD**2
         pull = cross.T @ solver @ _into_photos(overlaps, count, (mean * weight)[:, None])[:, 0] - weighted.T @ mean
-        coefficients = _not_negative(square, pull)
+        coefficients = _plausible(square, pull)
     right = _into_photos(overlaps, count, (overlaps.logs + (falls @ coefficients)[:, None]) * weight[:, None])
     logs = _gains(graph, right)
     return Fit(logs, coefficients.reshape(-1, TERMS), weights)
@@ -134,16 +134,26 @@ def _into_photos(overlaps: Overlaps, count: int, values: Floats) -> Floats:
     return np.column_stack(sums)
 
 
-def _not_negative(square: Floats, pull: Floats) -> Floats:
-    """The coefficients >= 0 that minimise x' S x / 2 - x' p: light that only falls towards the corners.
+def _plausible(square: Floats, pull: Floats) -> Floats:
+    """The coefficients that minimise x' S x / 2 - x' p of light that only falls towards the corners.
 
     Of each lens they sum to `DARKEST` at most.
     """
-    found = np.linalg.solve(square, pull)
-    if (found < 0).any():
-        from scipy.optimize import nnls  # long to load, and not always needed
-
-        root = np.linalg.cholesky(square)
-        found = nnls(root.T, np.linalg.solve(root, pull))[0]
-    found = found.reshape(-1, TERMS)
+    found = not_negative(square, pull).reshape(-1, TERMS)
     return np.asarray((found * np.minimum(1, DARKEST / np.maximum(found.sum(1, keepdims=True), 1e-9))).ravel())
+
+
+def not_negative(square: Floats, pull: Floats) -> Floats:
+    """The x >= 0 (n,) that minimises x' S x / 2 - x' p for a positive definite S (n, n), exactly (Murty 1974).
+
+    Some unknowns are free, the others 0; the first one that is on the wrong side changes sides, until none is. SciPy's
+    `nnls` finds the same, but `scipy.optimize` takes longer to load than the light of a panorama to find.
+    """
+    free, rounding = np.ones(len(pull), bool), 1e-12 * np.abs(pull).max(initial=0.0)
+    while True:
+        found = np.zeros(len(pull))
+        found[free] = np.linalg.solve(square[np.ix_(free, free)], pull[free])
+        wrong = np.flatnonzero(np.where(free, found < 0, pull - square @ found > rounding))
+        if not len(wrong):
+            return found
+        free[wrong[0]] ^= True

@@ -21,6 +21,7 @@ STEP = 16  # px between exact coordinates; between them a bilinear guess is off 
 OFF = 0.05  # px of the photo: where the guess would be off by more, every pixel has its exact coordinates
 CHUNK = 8192  # px: OpenCV's remap takes no side of 32,767 or more
 FOOTPRINT_STEP = 8  # px of the reduced canvas
+TAPS = 4  # px to each side that the widest interpolation looks at
 REDUCE_BELOW = 0.75  # photos are read reduced only where the canvas is coarser than this: reducing costs sharpness
 CACHE_BYTES = 2 << 30
 DEEP = np.float32(1 / 257)  # of 0..65535 to 0..255, the range of all pixels after the warp
@@ -107,6 +108,21 @@ class Blocks:
             x[down, right], y[down, right] = np.where(valid[down, right, None], exact, -1e4).T
         return x, y, valid
 
+    @property
+    def window(self) -> Region:
+        """The part of the photo that the region's pixels are made of; where it shows none of them, what is nearest."""
+        if self.plain:
+            low, high = self.seen.min((0, 1)), self.seen.max((0, 1))  # what is bilinear lies between its nodes
+        else:
+            x, y, valid = self.coordinates
+            if not valid.any():
+                return Region(0, 0, 1, 1)
+            low, high = (np.array([end(x[valid]), end(y[valid])]) for end in (np.min, np.max))
+        size = np.array(self.camera.size)
+        left, top = (int(n) for n in np.clip(np.floor(low) - TAPS, 0, size - 1))
+        right, bottom = (int(n) for n in np.clip(np.ceil(high) + TAPS + 1, 1, size))
+        return Region(left, top, right - left, bottom - top)
+
     def part(self, region: Region) -> "Blocks":
         """The grid over a part of its region."""
         outer = region.grown(STEP, multiple=STEP)
@@ -151,7 +167,15 @@ def warp_and_place(
 def sample(raster: Raster, grid: Blocks, interpolation: int) -> Layer:
     """A photo at the pixels of a grid's region, whose sides are at most `CHUNK`."""
     x, y, valid = grid.coordinates
-    pixels = np.asarray(cv2.remap(raster[0], x, y, interpolation, borderMode=cv2.BORDER_REPLICATE), np.float32)
+    window = grid.window
+    # not rounded to whole levels before the light is corrected, and OpenCV is quicker with floats
+    part = np.asarray(raster[0][window.y : window.bottom, window.x : window.right], np.float32)
+    origin = np.array([window.x, window.y], np.float32)
+    pixels = np.asarray(
+        cv2.remap(part, x - origin[0], y - origin[1], interpolation, borderMode=cv2.BORDER_REPLICATE), np.float32
+    )
+    if not grid.plain:
+        pixels[~valid] = raster[0][0, 0]
     mask = valid if grid.surely_inside else valid & _between(x, grid.camera.size[0]) & _between(y, grid.camera.size[1])
     if raster[1] is not None:
         mask = mask & (cv2.remap(raster[1], x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) > 254)
