@@ -83,7 +83,7 @@ def test_a_picture_of_another_size_shows_the_same():
 
 
 def test_a_turn_that_would_not_close_is_refused_with_one_that_does():
-    with pytest.raises(UsageError, match="multiple of 4") as caught:
+    with pytest.raises(UsageError, match="multiple of 8") as caught:
         planned(ring(), size="10001")
 
     assert caught.value.hint == "use --size 10000"
@@ -215,7 +215,7 @@ def test_a_field_that_is_full_is_not_cut_for_its_size():
     assert plan.covered
 
 
-@pytest.mark.parametrize(("megapixels", "factor"), [(0.9, 1), (16, 4), (250, 16), (500, 16), (1500, 32), (9000, 64)])
+@pytest.mark.parametrize(("megapixels", "factor"), [(0.4, 1), (16, 8), (250, 16), (500, 16), (1500, 32), (9000, 64)])
 def test_the_plan_of_a_huge_canvas_is_finer(megapixels, factor):
     side = round(np.sqrt(megapixels * 1e6))
 

@@ -52,6 +52,12 @@ def test_larger_shifts_score_higher_and_are_measured():
     assert scores[-1].displacement_p95 == pytest.approx(SHIFTS[-1], abs=0.4)
 
 
+def test_where_labels_go_on_beyond_all_photos_there_is_no_seam():
+    pictures = [np.full((200, 320, 3), 90, np.uint8)] * 2
+    apart = alignment_of([shifted(SIZE, 0, 0), shifted(SIZE, 1900, 1500)], pictures, model="similarity")
+    assert sum(seam.score.places for seam in seams_of(apart)) == 0
+
+
 def test_a_step_of_colour_scores_by_its_size():
     hard = [seams_of(mosaic(tint=tint), blender="none")[0].score for tint in (0.0, 0.05, 0.15)]
     assert [s.colour for s in hard] == sorted(s.colour for s in hard)

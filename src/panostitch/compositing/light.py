@@ -46,7 +46,7 @@ def expose(pixels: Floats, factor: Floats) -> Floats:
     exposed = _times(pixels, factor)
     if factor.min() < DARKER and pixels.max(initial=0) > BRIGHT:
         exposed += _held_up(pixels, factor)
-    if exposed.max(initial=0) > WHITE:
+    if factor.max() > 1 and exposed.max(initial=0) > WHITE:
         _keep_hue(exposed)
     return exposed
 

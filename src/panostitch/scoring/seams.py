@@ -85,6 +85,8 @@ def _judge(
         return []
     seen = partial(_seen, alignment, panorama, options, decoded, region)
     layers = [layer for n in sorted({n for pair in seams for n in pair}) if (layer := seen(n))]
+    if not layers:  # labels go on beyond the photos
+        return []
     picture = panorama.read(region)
     pixels = np.clip(np.rint(picture.pixels), 0, 255)
     places = judge_tile(Layer(region, pixels, picture.mask), layers, _about(region, seams))
