@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from panostitch import features
+from panostitch.cli.session import executor
 from panostitch.jobs import doctor, selftest
 from panostitch.jobs.doctor import machine, packages, trials
 from panostitch.runtime import machine as limits
@@ -264,15 +265,25 @@ def test_no_container_no_limit(tmp_path, monkeypatch):
     assert limits.memory_limit() is None
 
 
-def test_little_time_and_memory_are_noted_with_the_option(monkeypatch):
+def test_little_time_and_memory_are_said(monkeypatch):
     monkeypatch.setattr(limits, "processors", lambda: 8)
     monkeypatch.setattr(limits, "processor_quota", lambda: 2.5)
     monkeypatch.setattr(limits, "memory_limit", lambda: 512 << 20)
     checks = by_name(machine.system())
 
-    assert (checks["processors"].verdict, checks["processors"].remedy) == ("note", "use --threads 2")
+    assert (checks["processors"].verdict, checks["processors"].value) == ("ok", 2)
+    assert "time of 2.5 of them" in checks["processors"].found
     assert (checks["memory"].verdict, checks["memory"].remedy) == ("note", "use --max-memory 384M")
     assert checks["memory"].value == 512 << 20
+
+
+@pytest.mark.parametrize(("quota", "expected"), [(None, 8), (2.5, 2), (0.5, 1), (16.0, 8)])
+def test_no_more_threads_than_there_is_time_for(quota, expected, monkeypatch):
+    monkeypatch.setattr(limits, "processors", lambda: 8)
+    monkeypatch.setattr(limits, "processor_quota", lambda: quota)
+
+    assert executor({"threads": None, "quiet": True, "as_json": False}).threads == expected
+    assert executor({"threads": 3, "quiet": True, "as_json": False}).threads == 3
 
 
 def test_a_folder_that_cannot_be_written_to(monkeypatch):

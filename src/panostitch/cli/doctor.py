@@ -22,10 +22,10 @@ def command(as_json: bool) -> int:
     from panostitch.errors import EXIT_DAMAGED, EXIT_OK
     from panostitch.jobs.doctor import examine
     from panostitch.runtime.executor import Executor
-    from panostitch.runtime.machine import processors
+    from panostitch.runtime.machine import threads
 
     checks: list[Check] = []
-    for check in examine(run=Executor(processors())):
+    for check in examine(run=Executor(threads())):
         if not as_json:
             show_check(check, first=not checks or checks[-1].part != check.part)
         checks.append(check)

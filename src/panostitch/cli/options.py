@@ -65,7 +65,10 @@ def run_options(command: Command) -> Command:
         click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors."),
         click.option("--json", "as_json", is_flag=True, help="The result as JSON on standard output."),
         click.option(
-            "--threads", type=click.IntRange(1, 256), default=None, help="Threads at work.  [default: all processors]"
+            "--threads",
+            type=click.IntRange(1, 256),
+            default=None,
+            help="Threads at work.  [default: as many as there are processors, or as a container gives time for]",
         ),
         click.option("--overwrite", is_flag=True, help="Replace what is there already."),
         click.option(

@@ -1,6 +1,5 @@
 """What commands share: threads and progress, the debug folder, opening photos."""
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
@@ -19,12 +18,13 @@ if TYPE_CHECKING:
 def executor(given: dict[str, Any]) -> "Executor":
     """Threads and progress bars as the user asked."""
     from panostitch.runtime.executor import Executor, no_progress
+    from panostitch.runtime.machine import threads
     from panostitch.runtime.memory import keep_freed
     from panostitch.runtime.progress import terminal_progress
 
     keep_freed()
     quiet = given["quiet"] or given["as_json"]
-    return Executor(given["threads"] or os.cpu_count() or 1, no_progress if quiet else terminal_progress)
+    return Executor(given["threads"] or threads(), no_progress if quiet else terminal_progress)
 
 
 @contextmanager

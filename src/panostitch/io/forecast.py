@@ -1,7 +1,6 @@
 """What writing a panorama will take, before it is begun."""
 
 import io
-import os
 import time
 from dataclasses import dataclass, replace
 
@@ -11,6 +10,7 @@ from panostitch.io.writers import encode_panorama
 from panostitch.model.canvas import Region
 from panostitch.model.panorama import Panorama, keep
 from panostitch.options import OutputOptions
+from panostitch.runtime import machine
 from panostitch.runtime.executor import Executor
 from panostitch.runtime.memory import SLACK, resident
 
@@ -48,7 +48,7 @@ def expected_seconds(panorama: Panorama, path: str, options: OutputOptions, *, t
     photos, shown = (len(frozenset().union(*map(panorama.photos, some))) for some in (tiles, chosen))
     decoding = max(first - again, 0.0) * photos / max(shown, 1)
     share = plan.crop.area / sum(tile.area for tile in chosen)
-    return (again * share + decoding) / max(1, min(threads, os.cpu_count() or 1))
+    return (again * share + decoding) / max(1, min(threads, machine.threads()))
 
 
 def _seconds(panorama: Panorama, path: str, options: OutputOptions, tile: Region) -> float:

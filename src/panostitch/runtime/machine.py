@@ -18,6 +18,12 @@ def processors() -> int:
         return os.cpu_count() or 1
 
 
+def threads() -> int:
+    """Threads that find work to do: a processor for each, and no more than the container gives time for."""
+    quota = processor_quota()
+    return processors() if quota is None else max(1, min(processors(), int(quota)))
+
+
 def processor_quota() -> float | None:
     """Processors' worth of time that the container allows; None without a limit."""
     quotas = []

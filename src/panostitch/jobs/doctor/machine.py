@@ -46,11 +46,8 @@ def _cores() -> Check:
     count, whole, quota = machine.processors(), os.cpu_count() or 1, machine.processor_quota()
     found = f"{count} of {whole} may be used, {platform.machine()}"
     if quota is not None and quota < count:
-        threads = max(1, int(quota))
-        return Check(
-            PART, "processors", "note", f"{found}; time of {quota:g} of them", f"use --threads {threads}", threads
-        )
-    return Check(PART, "processors", "ok", found, value=count)
+        found += f"; this container has time of {quota:g} of them"
+    return Check(PART, "processors", "ok", found, value=machine.threads())
 
 
 def _memory() -> Check:
