@@ -6,7 +6,10 @@ import pytest
 
 from compositing.mosaics import alignment_of, shifted
 from panostitch.compositing import lay_out, make_panorama, make_plan, plan
+from panostitch.compositing.blend import multiband
+from panostitch.compositing.blend.pieces import Piece, hard_composite
 from panostitch.compositing.seams import SEAMS
+from panostitch.model.canvas import Canvas
 from panostitch.options import CompositingOptions, LayoutOptions
 
 # dB of the peak signal to noise ratio, on 0..255; cv2.detail.MultiBandBlender reaches 37 by its rounding. 149 seen
@@ -103,3 +106,20 @@ def test_a_photo_comes_back_bit_for_bit(photos, blend, factor):
     back = blend([photos[0]] * 3, factor, "multiband", BANDS, tile=100)
 
     assert np.array_equal(np.rint(back).astype(np.uint8), photos[0])
+
+
+def test_photos_are_blended_where_they_matter_and_nowhere_else(views, rng):
+    """Twelve photos in a grid, each made in a box about its own cell: the same as all of them on the whole canvas."""
+    levels, shape = 2, SIZE[::-1]
+    y, x = np.mgrid[: shape[0], : shape[1]]
+    labels = (y // 64 * 4 + x // 96).astype(np.int16)
+    picture = views[0][: shape[0], : shape[1]].astype(np.float32)
+    photos = [picture * np.float32(gain) for gain in rng.uniform(0.5, 1.0, 12)]
+    everywhere = (slice(0, shape[0]), slice(0, shape[1]))
+    pieces = [Piece(n, everywhere, p, np.ones(shape, bool), labels == n) for n, p in enumerate(photos)]
+    canvas = Canvas("rectilinear", 1.0, (0.0, 0.0), SIZE)
+
+    blended = multiband.blend_reduced(pieces, labels, hard_composite(pieces, shape)[0], canvas, 1, levels)
+
+    assert decibels(blended, textbook(photos, [labels == n for n in range(12)], levels)) > EXACT_DB
+    assert multiband.matters(labels == 0, levels, wraps=False).area < labels.size / 4

@@ -1,6 +1,6 @@
 """What the overlaps of photos say of their light: ratios of means over small cells of the reduced canvas."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -59,13 +59,7 @@ class Overlaps:
 
 def find_overlaps(pieces: Pieces, squares: Squares) -> Overlaps:
     """The cells of all pairs of photos; a photo may come in two pieces."""
-    regions = [layer.region for _, layer in pieces]
-    pairs = [
-        (a, b)
-        for a in range(len(pieces))
-        for b in range(a + 1, len(pieces))
-        if pieces[a][0] != pieces[b][0] and regions[a] & regions[b]
-    ]
+    pairs = [(a, b) for a, b in _that_touch([layer.region for _, layer in pieces]) if pieces[a][0] != pieces[b][0]]
     # whichever comes first, a pair is looked at from its lower number: the order of pieces does not matter
     pairs = [(a, b) if pieces[a][0] < pieces[b][0] else (b, a) for a, b in pairs]
     most = int(np.clip(MOST_CELLS / max(1, len(pairs)), *CELLS_OF_A_PAIR))
@@ -73,6 +67,15 @@ def find_overlaps(pieces: Pieces, squares: Squares) -> Overlaps:
     columns = [np.concatenate(column) for column in zip(*found, strict=True)] if found else _NOTHING
     numbers = np.repeat(np.arange(len(found)), [len(cells[0]) for cells in found])
     return Overlaps(numbers, *columns)
+
+
+def _that_touch(regions: Sequence[Region]) -> Iterator[tuple[int, int]]:
+    """Pairs a < b of regions that have pixels in common."""
+    sides = np.array([(r.x, r.y, r.right, r.bottom) for r in regions]).reshape(-1, 4)
+    for a, (x, y, right, bottom) in enumerate(sides):
+        left, top, behind, below = sides[a + 1 :].T
+        for b in np.flatnonzero((left < right) & (x < behind) & (top < bottom) & (y < below)).tolist():
+            yield a, a + 1 + b
 
 
 _NOTHING = [

@@ -5,6 +5,8 @@ import numpy as np
 
 from panostitch.compositing.blend.pieces import EVERYWHERE, Floats
 
+Frame = tuple[tuple[int, int], tuple[int, int]]  # margins above, below, left and right
+
 HALO = 3  # times 2^levels: what lies farther away changes a pixel by less than 0.0001 of a grey level
 
 
@@ -15,7 +17,7 @@ class Bands:
         height, width = shape
         step = 1 << levels
         margin = min(HALO * step, width) if wraps else 0
-        self._wraps = wraps
+        self._shape, self._wraps = shape[:2], wraps
         self._inner = (slice(0, height), slice(margin, margin + width))
         self._frame = ((0, -height % step), (margin, -(width + 2 * margin) % step + margin))
         wide, high = (n + sum(frame) for n, frame in zip((width, height), reversed(self._frame), strict=True))
@@ -28,13 +30,23 @@ class Bands:
         """Add a photo (h, w, 3) with its weights (h, w); the weights of all photos sum to one.
 
         `change` is added to the photo's lowest level, whose size it has. A photo may lie in a place of the picture, at
-        multiples of the step of the lowest level.
+        multiples of the step of the lowest level unless it ends with the picture; all across where that wraps.
         """
-        framed = _framed(photo, self._frame, wraps=self._wraps)
-        weights = _framed(weight, self._frame, wraps=self._wraps)
+        frame, place = self._framing(place)
+        framed = _framed(photo, frame, wraps=self._wraps)
+        weights = _framed(weight, frame, wraps=self._wraps)
         for level, band in enumerate(_weighted_bands(framed, weights, self._levels, change)):
             part = tuple(slice(s.start and s.start >> level, s.stop and s.stop >> level) for s in place)
             self._sum[level][part] += band
+
+    def _framing(self, place: tuple[slice, slice]) -> tuple[Frame, tuple[slice, slice]]:
+        """The margins of a place of the picture, and where it lies with them in the framed one."""
+        (_, below), (left, right) = self._frame
+        (rows, columns), (height, width) = place, self._shape
+        down = rows.stop is None or rows.stop == height
+        across = columns.stop is None or columns.stop == width
+        inner = (slice(rows.start, None if down else rows.stop), slice(columns.start, None if across else columns.stop))
+        return ((0, below if down else 0), (left, right if across else 0)), inner
 
     def collapse(self) -> Floats:
         """The blended picture (h, w, 3)."""
@@ -44,7 +56,7 @@ class Bands:
         return np.asarray(whole[self._inner], np.float32)
 
 
-def _framed(array: Floats, frame: tuple[tuple[int, int], tuple[int, int]], *, wraps: bool) -> Floats:
+def _framed(array: Floats, frame: Frame, *, wraps: bool) -> Floats:
     """The array with a margin: the other side's columns where it wraps, its own edge elsewhere."""
     if not any(map(any, frame)):
         return array

@@ -6,6 +6,7 @@ after the change has been added to the lowest level of each photo. Far from seam
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 from math import floor, log2
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from panostitch.compositing.blend.bands import HALO, Bands
 from panostitch.compositing.blend.pieces import EVERYWHERE, Booleans, Floats, Labels, Piece, fill, only, put
+from panostitch.compositing.crop import bounding_box
 from panostitch.model.canvas import Canvas, Region
 
 # Repeated `pyrDown` smooths by a cubic B-spline. Weights at the reduced size are what it leaves of seams between whole
@@ -33,18 +35,35 @@ def blend_reduced(
     fine = _fine(factor)
     if levels is not None and levels < fine:
         return None
-    bands = Bands(composite.shape[:2], _widest(pieces) if levels is None else levels - fine, wraps=canvas.wraps)
+    depth = _widest(pieces) if levels is None else levels - fine
+    bands = Bands(composite.shape[:2], depth, wraps=canvas.wraps)
     others, shared = _others(pieces, labels, composite)
     for photo in sorted({piece.photo for piece in pieces}):
-        owns = np.asarray(labels == photo)
-        if owns.any():
-            own = [piece for piece in pieces if piece.photo == photo]
-            around = composite.copy()
-            put(around, others, owns)
-            pixels = _continued(own, around, shared | ~owns)
+        owned = np.asarray(labels == photo)
+        if owned.any():
+            box = matters(owned, depth, wraps=canvas.wraps)
+            at = box.within(_whole(composite))
+            own, owns = [piece for piece in pieces if piece.photo == photo], owned[at]
+            around = composite[at].copy()
+            put(around, others[at], owns)
+            pixels = _continued(own, box, around, shared[at] | ~owns)
             weight = np.asarray(owns, np.float32)
-            bands.add(pixels, _smoothed(weight) if factor > 1 else weight)
+            bands.add(pixels, _smoothed(weight) if factor > 1 else weight, place=at)
     return bands.collapse()
+
+
+def matters(owned: Booleans, levels: int, *, wraps: bool) -> Region:
+    """Where a photo that owns this (h, w) matters to bands: at multiples of the lowest one's step; rows of a turn whole.
+
+    Its weights reach two pixels of the lowest band beyond what it owns, and its own bands must be sound there.
+    """
+    whole = _whole(owned)
+    box = bounding_box(owned).grown((HALO + 2) << levels, multiple=1 << levels) & whole
+    return replace(box, x=0, width=whole.width) if wraps else box
+
+
+def _whole(picture: Floats | Booleans) -> Region:
+    return Region(0, 0, picture.shape[1], picture.shape[0])
 
 
 def _fine(factor: int) -> int:
@@ -88,7 +107,7 @@ def join(
     shared = _around([a & b for a, b in combinations(places, 2)])
     if not shared:
         return composite
-    whole = Region(0, 0, *composite.shape[1::-1])
+    whole = _whole(composite)
     around = shared.grown(ENLARGING * factor) & whole
     depth = fine if levels is None else min(levels, fine)
     bands = Bands((around.height, around.width), depth, wraps=False)
@@ -138,8 +157,8 @@ def _smoothed(weight: Floats) -> Floats:
     return np.asarray(smooth, np.float32)
 
 
-def _continued(own: Sequence[Piece], around: Floats, comparable: Booleans) -> Floats:
-    """All parts of a photo on the whole canvas, continued beyond its edges: bands then see no edge.
+def _continued(own: Sequence[Piece], box: Region, around: Floats, comparable: Booleans) -> Floats:
+    """All parts of a photo in a box of the canvas, continued beyond its edges: bands then see no edge.
 
     Beyond them lies what is `around` (h, w, 3), the other photos, and the difference to them, which is known where
     the photo overlaps them (`comparable`) and goes on smoothly. Photos that agree are so continued by what they would
@@ -147,8 +166,10 @@ def _continued(own: Sequence[Piece], around: Floats, comparable: Booleans) -> Fl
     """
     pixels, shown = np.zeros_like(around), np.zeros(around.shape[:2], bool)
     for piece in own:
-        put(pixels[piece.place], piece.pixels, piece.mask)
-        shown[piece.place] |= piece.mask
+        place = _region(piece.place)
+        here, there = ((place & box).within(frame) for frame in (box, place))
+        put(pixels[here], piece.pixels[there], piece.mask[there])
+        shown[here] |= piece.mask[there]
     known = shown & comparable
     difference = only(pixels - around, known)
     half = around.shape[1] // 2 if len(own) > 1 else 0
