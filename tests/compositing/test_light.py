@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from compositing.mosaics import alignment_of, panorama_of
-from panostitch.compositing import photometry, plan
+from panostitch.compositing import exposure, photometry, plan
 from panostitch.compositing.light import expose
 from panostitch.model.canvas import Region
 from panostitch.model.light import Light, unchanged
@@ -53,8 +53,8 @@ def photos_of(scene, cameras, *, steps=EV, balance=WHITE_BALANCE, lost=LOST, see
     return alignment_of(cameras, pictures)
 
 
-def light_of(alignment, exposure="auto"):
-    return panorama_of(alignment, compositing=CompositingOptions(exposure=exposure)).plan.light
+def light_of(alignment, choice="auto"):
+    return panorama_of(alignment, compositing=CompositingOptions(exposure=choice)).plan.light
 
 
 def unevenness(light, planted):
@@ -112,6 +112,12 @@ def test_fall_off_is_not_taken_for_steps_nor_steps_for_fall_off(scene, cameras):
     assert unevenness(steps, planted(balance=ones)) < GAINS
     assert unevenness(falls, ones) < GAINS
     np.testing.assert_allclose(stops(falls), -np.log2(1 - LOST), atol=CORNER)
+
+
+@pytest.mark.parametrize(("explained", "taken"), [(0.1, False), (0.4, True)])
+def test_a_strong_fall_off_must_explain_much(scene, cameras, monkeypatch, explained, taken):
+    monkeypatch.setattr(exposure, "_explained", lambda *_: explained)
+    assert light_of(photos_of(scene, cameras, lost=0.65)).fall_off.any() == taken
 
 
 def test_one_gain_if_asked(scene, cameras):
