@@ -16,7 +16,7 @@ from panostitch.compositing.burnt import read_at
 from panostitch.compositing.light import WHITE, expose, given_back, with_fall_off
 from panostitch.compositing.overlaps import Pieces
 from panostitch.model.canvas import Layer, Region
-from panostitch.model.light import Light, radius_square
+from panostitch.model.light import Light
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
@@ -36,20 +36,21 @@ class Sight:
 
     size:   (width, height) px of the photo
     burnt:  how far it is burnt, a coarse map; None if nowhere
-    pieces: the region of each, and the px of the photo (h, w, 2) that it shows there
+    pieces: the region of each, the px of the photo (h, w, 2) that it shows there, and the squares (h, w) of their radii
     """
 
     size: tuple[int, int]
     burnt: Floats | None
-    pieces: tuple[tuple[Region, Floats], ...]
+    pieces: tuple[tuple[Region, Floats, Floats], ...]
 
     def xy(self, region: Region) -> Floats:
         """Px of the photo (h, w, 2) in a region of one piece."""
-        return next(xy[region.within(place)] for place, xy in self.pieces if place & region == region)
+        return next(xy[region.within(place)] for place, xy, _ in self.pieces if place & region == region)
 
     def square(self, region: Region) -> Doubles:
         """Squares (h, w) of the radii in a region of one piece."""
-        return radius_square(self.xy(region).astype(np.float64), self.size)
+        square = next(square[region.within(place)] for place, _, square in self.pieces if place & region == region)
+        return np.asarray(square, np.float64)
 
     def cells(self, region: Region, shape: tuple[int, ...]) -> NDArray[np.intp]:
         """Numbers (h, w), row by row, of the cells of a coarse map in a region of one piece."""
@@ -107,10 +108,12 @@ def _told(
             continue
         pixels, aims = (layer.pixels[common.within(layer.region)] for layer in (own, other))
         both = own.mask[common.within(own.region)] & other.mask[common.within(other.region)]
+        near = both & (read_at(burnt, sight.xy(common), sight.size) > 0.5)
+        if not near.any():
+            continue
         factor = _factor(photo, common, light, sight)
         plain, room = pixels * factor, given_back(pixels, factor)
-        near = read_at(burnt, sight.xy(common), sight.size) > 0.5
-        same = both & near & (aims.mean(2) > ALIKE * plain.mean(2))
+        same = near & (aims.mean(2) > ALIKE * plain.mean(2))
         # where all around is as bright: at edges of what is burnt, pixels are mixed
         known = same[..., None] & (cv2.erode(room, INNER) > 0)
         if known.any():

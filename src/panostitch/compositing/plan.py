@@ -20,6 +20,7 @@ from panostitch.errors import AlignmentError, UsageError
 from panostitch.model.alignment import Alignment
 from panostitch.model.camera import Camera
 from panostitch.model.canvas import Canvas, Layer, Region
+from panostitch.model.light import radius_square
 from panostitch.model.panorama import NOBODY, Plan
 from panostitch.model.photo import lens_groups
 from panostitch.options import CompositingOptions
@@ -135,7 +136,8 @@ def _warp_one(
     """The pieces of a photo, and where they see it."""
     raster, camera = read_for(alignment.photos[n], alignment.cameras[n], small)
     found = [warp_and_place(raster, camera, small, region, interpolation=cv2.INTER_LINEAR) for region in places[n]]
-    seen = tuple((layer.region, xy) for layer, xy in found)
+    squares = (np.asarray(radius_square(xy.astype(np.float64), camera.size), np.float32) for _, xy in found)
+    seen = tuple((layer.region, xy, square) for (layer, xy), square in zip(found, squares, strict=True))
     return [layer for layer, _ in found], Sight(camera.size, burnt_map(raster[0]), seen)
 
 
