@@ -185,14 +185,16 @@ edge; where a program has left photos out, its own picture is judged by as much 
 {WRONG:g} px from their places count as a failure. The tests of the benchmark show that the place of a perfect picture
 is found again to two hundredths of a pixel, at 50 dB or more, and that a part in a wrong place is not excused.
 
-Columns: PSNR in dB (peak 255); SSIM of grey values; sharpness, the energy of the gradient over the scene's; the true
-error of the cameras, rms, px; how many photos are in the panorama; its scale, px for a px in the middle of a photo.
-`{PHOTOS}` are the JPEG files beside the photos that they were made of: what compression alone costs, and adds to the
-gradient. Bold: best of its panorama, and what is no further from it than {LEVEL["psnr"]:g} dB, {LEVEL["ssim"]:g} or
-{LEVEL["sharpness"]:g}; best in sharpness is what is nearest to that of the photos.
+Columns: PSNR in dB (peak 255); SSIM of grey values; sharpness, the energy of the gradient over the scene's, after the
+picture has been made as bright as the scene around every pixel (a gradient grows with a gain, which is no sharpness and
+counts in PSNR already); the true error of the cameras, rms, px; how many photos are in the panorama; its scale, px for
+a px in the middle of a photo. `{PHOTOS}` are the JPEG files beside the photos that they were made of: what compression
+alone costs, and adds to the gradient. Bold: best of its panorama, and what is no further from it than
+{LEVEL["psnr"]:g} dB, {LEVEL["ssim"]:g} or {LEVEL["sharpness"]:g}; best in sharpness is what is nearest to that of the
+photos.
 
-In uneven light what is burnt in the brighter photos is lost to all. panostitch darkens what is nearly white in such
-photos by less than the rest, so that white becomes no grey and a burnt blue no green.
+In uneven light what is burnt in the brighter photos is lost there. panostitch shows it as bright as the photos do that
+see the place and are not burnt, or else white.
 
 Made by `python benchmarks/quality.py` with OpenCV {cv2.__version__}, NumPy {np.__version__}, Python
 {platform.python_version()}.

@@ -32,6 +32,7 @@ SETTLED = 1e-3  # px
 ROWS = 64  # rendered at once
 MARGIN = 8  # px of a photo, and of a picture, along the edge of what is judged
 SSIM_BLUR = 1.5  # px (Wang et al. 2004)
+AROUND = 20.0  # px, deviation: what is brighter or darker over so large a part of a picture is no matter of sharpness
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ class Quality:
 
     psnr:      dB on 0..255
     ssim:      mean structural similarity
-    sharpness: energy of the gradient over the scene's
+    sharpness: energy of the gradient over the scene's, in a picture that is everywhere as bright as it
     cameras:   px, rms error of the cameras, which needs no picture
     photos:    how many are in it
     scale:     px of the picture for a px in the middle of a photo
@@ -241,11 +242,11 @@ def compare(pixels: Picture, truth: Picture, where: Booleans) -> tuple[float, fl
     """PSNR (dB), SSIM and sharpness of a picture; its channels get the factor and the offset that suit it best."""
     found = np.dstack([levelled(pixels[..., c], truth[..., c], where) for c in range(3)])
     error = ((found - truth)[where] ** 2).mean()
-    grey, true_grey = (cv2.cvtColor(a.astype(np.float32), cv2.COLOR_RGB2GRAY) for a in (found, truth))
+    own_grey, grey, true_grey = (cv2.cvtColor(a.astype(np.float32), cv2.COLOR_RGB2GRAY) for a in (pixels, found, truth))
     _, ssim = structural_similarity(
         grey, true_grey, data_range=255, gaussian_weights=True, sigma=SSIM_BLUR, use_sample_covariance=False, full=True
     )
-    sharpness = energy(grey)[where].sum() / energy(true_grey)[where].sum()
+    sharpness = energy(evened(own_grey, true_grey, where))[where].sum() / energy(true_grey)[where].sum()
     return float(10 * np.log10(255**2 / max(error, 1e-12))), float(ssim[where].mean()), float(sharpness)
 
 
@@ -254,6 +255,12 @@ def levelled(channel: Picture, truth: Picture, where: Booleans) -> Floats:
     value, aim = channel[where].astype(np.float64), truth[where].astype(np.float64)
     gain = ((value - value.mean()) * (aim - aim.mean())).mean() / value.var()
     return np.asarray((channel - value.mean()) * gain + aim.mean())
+
+
+def evened(grey: NDArray[np.float32], truth: NDArray[np.float32], where: Booleans) -> NDArray[np.float32]:
+    """Grey values (h, w) made everywhere as bright as the truth around: a gradient grows with a gain, sharpness not."""
+    near, true_near = (cv2.GaussianBlur(np.where(where, a, np.float32(0)), (0, 0), AROUND) for a in (grey, truth))
+    return np.asarray(grey * (true_near + 1) / (near + 1), np.float32)
 
 
 def energy(grey: NDArray[np.float32]) -> Floats:

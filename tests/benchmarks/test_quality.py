@@ -135,6 +135,15 @@ def test_a_blur_costs_sharpness(judge, scene, cameras, perfect):
     assert found.sharpness < 0.8
 
 
+def test_a_gain_that_changes_slowly_is_no_sharpness(judge, scene, cameras, perfect):
+    picture = perfect[1]
+    gain = np.linspace(0.7, 1, picture.pixels.shape[1])[None, :, None]
+    uneven = np.rint(picture.pixels * gain).astype(np.uint8)
+    found = judge.judge(scene, cameras, {"uneven": replace(picture, pixels=uneven)})["uneven"]
+    assert found.psnr < 35
+    assert found.sharpness == pytest.approx(1, abs=0.01)
+
+
 def test_what_only_one_picture_shows_is_not_compared(judge, scene, cameras, perfect):
     picture = perfect[1]
     spoilt = picture.pixels.copy()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from panostitch.compositing.blend import BLENDERS, Blender
 from panostitch.compositing.blend.pieces import Floats, Piece, hard_composite, only
 from panostitch.compositing.crop import bounding_box
-from panostitch.compositing.light import expose, factors
+from panostitch.compositing.light import expose, factors, spared_in
 from panostitch.compositing.warp import Blocks, Decoded, Raster, blocks, read_for, sample
 from panostitch.model.alignment import Alignment
 from panostitch.model.canvas import Canvas, Layer, Region
@@ -174,7 +174,9 @@ class Sight:
 def lit(raster: Raster, grid: Blocks, light: Light, photo: int, options: CompositingOptions) -> Layer:
     """A photo at the pixels of a grid's region, in the panorama's light."""
     sampled = sample(raster, grid, INTERPOLATION[options.interpolation])
-    return Layer(grid.region, expose(sampled.pixels, factors(light, photo, grid)), sampled.mask)
+    return Layer(
+        grid.region, expose(sampled.pixels, factors(light, photo, grid), spared_in(light, photo, grid)), sampled.mask
+    )
 
 
 def _alone(sight: Sight, photo: int, part: Region) -> Layer:

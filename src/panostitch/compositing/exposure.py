@@ -15,6 +15,7 @@ from panostitch.model.light import GAMMA, Light, unchanged
 Floats = NDArray[np.float64]
 
 PAYS = 0.08  # share of the errors in either held-out half of the overlaps that the fall-off must explain
+USUAL = 1.0  # stops in the corners: more is rare in photos, and must explain more: by the square of it
 SEEN_FALL_OFF = 0.02  # of the log of encoded brightness in the corner: less does not show
 SEEN_COLOUR = 0.012  # of the log ratio of a channel to the others between two photos, rms: less does not show
 EXPLAINED = 0.5  # share of these differences of colour that gains of the channels must explain
@@ -61,13 +62,13 @@ def _with_fall_off(overlaps: Overlaps, lenses: Sequence[int]) -> tuple[Fit, str]
     if 2 * len(set(lenses)) > len(lenses):
         return plain, "no fall-off (too few photos of a lens)"
     explained = min(_explained(overlaps, lenses, half) for half in (False, True))
-    if explained < PAYS:
-        return plain, f"no fall-off (explains {max(0.0, explained):.0%} of the differences)"
     fitted = photometry.fit(overlaps, lenses, fall_off=True)
     corner = float(fitted.fall_off.sum(1).max())
+    stops = corner * GAMMA / np.log(2)
+    if explained < PAYS * max(1.0, stops / USUAL) ** 2:
+        return plain, f"no fall-off ({stops:.2f} stops explain {max(0.0, explained):.0%} of the differences)"
     if corner < SEEN_FALL_OFF:
         return plain, "no fall-off (too little to show)"
-    stops = corner * GAMMA / np.log(2)
     return fitted, f"fall-off of {stops:.2f} stops in the corners (explains {explained:.0%} of the differences)"
 
 

@@ -4,17 +4,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from panostitch.compositing.burnt import read_in
 from panostitch.compositing.warp import Blocks
 from panostitch.model.light import Light, radius_square
 
 Floats = NDArray[np.float32]
 
 WHITE = np.float32(255)
-BRIGHT = np.float32(200)  # grey levels from which on a camera may have cut off some of the light
-DARKER = np.float32(0.98)  # a photo that is darkened by less does not show where its white is
-# Of the stops by which what is burnt would be darkened, white and a colour keep
-WHITE_KEEPS, COLOUR_KEEPS = np.float32(0.3), np.float32(0.7)
-COLOURED = np.float32(0.4)  # of the brightest channel, between it and the darkest: no white from here on
 FARTHEST = 2.0  # square of a radius: coordinates go on beyond the photo, where the fall-off means nothing
 
 
@@ -36,16 +32,26 @@ def with_fall_off(light: Light, photo: int, square: NDArray[np.float64]) -> Floa
     return np.asarray(brighter[..., None] * light.gains[photo], np.float32)
 
 
-def expose(pixels: Floats, factor: Floats) -> Floats:
+def spared_in(light: Light, photo: int, grid: Blocks) -> Floats | None:
+    """The share of their factor that bright pixels of a photo are spared in a region of the canvas (h, w, 3); or none.
+
+    A coarse map at the coarse grid of coordinates, bilinear between: the same whatever region is asked for.
+    """
+    spared = light.spared[photo] if light.spared else None
+    return None if spared is None else read_in(spared, grid)
+
+
+def expose(pixels: Floats, factor: Floats, spared: Floats | None = None) -> Floats:
     """Pixels (h, w, 3) in 0..255 times a factor (3,) or (h, w, 3).
 
-    What would be brighter than white keeps its hue. What is burnt may have been brighter, and is darkened by less.
+    What would be brighter than white keeps its hue. What is burnt is spared a share of it.
+    spared: (h, w, 3), the share of a factor below 1 that white is spared; less bright pixels less
     """
     if factor.ndim == 1 and (factor == 1).all():
         return pixels
     exposed = _times(pixels, factor)
-    if factor.min() < DARKER and pixels.max(initial=0) > BRIGHT:
-        exposed += _held_up(pixels, factor)
+    if spared is not None and pixels.max(initial=0) > WHITE * factor.min():
+        exposed += spared * given_back(pixels, factor)
     if factor.max() > 1 and exposed.max(initial=0) > WHITE:
         _keep_hue(exposed)
     return exposed
@@ -59,21 +65,24 @@ def _times(pixels: Floats, factor: Floats) -> Floats:
     return np.asarray(cv2.transform(pixels, np.diag(factor)), np.float32)
 
 
-def _held_up(pixels: Floats, factor: Floats) -> Floats:
-    """What bright pixels (h, w, 3) are given back of a factor that darkens them: much to a colour, some to white.
+def given_back(pixels: Floats, factor: Floats) -> Floats:
+    """What pixels (h, w, 3) are given back of a factor that darkens them, at most: so much that they are multiplied by
+    no less than their nearness to white.
 
-    A burnt channel may have been any brighter; with two of them that is true of the third too. A blue sky that is burnt
-    in blue alone would turn green if blue followed the factor. White that is not darkened at all, though, would spread
-    the levels below it so far that noise and the blocks of a JPEG show.
+    White stays white then, levels keep their order, and none are spread by more than 2, so that neither noise nor the
+    blocks of a JPEG show.
+    """
+    return np.asarray(pixels * np.maximum(_nearness_to_white(pixels) - factor, 0), np.float32)
+
+
+def _nearness_to_white(pixels: Floats) -> Floats:
+    """How near each channel (h, w, 3) is to white, 0..1, or the second of the three if that is nearer.
+
+    A burnt channel may have been any brighter; with two of them that is true of the third too.
     """
     one, two, three = cv2.split(pixels)
-    highest, lowest = cv2.max(cv2.max(one, two), three), cv2.min(cv2.min(one, two), three)
     second = cv2.max(cv2.min(one, two), cv2.min(cv2.max(one, two), three))
-    burnt = np.maximum(np.maximum(pixels, cv2.merge([second] * 3)) - BRIGHT, 0) / (WHITE - BRIGHT)
-    colour = np.minimum((highest - lowest) / (COLOURED * np.maximum(highest, 1)), 1)
-    to_white, to_colour = (np.maximum(factor ** (1 - share) - factor, 0) for share in (WHITE_KEEPS, COLOUR_KEEPS))
-    given_back = _times(pixels, to_white) + cv2.merge([colour] * 3) * _times(pixels, to_colour - to_white)
-    return np.asarray(burnt * given_back, np.float32)
+    return np.asarray(cv2.max(pixels, cv2.merge([second] * 3)) / WHITE, np.float32)
 
 
 def _keep_hue(exposed: Floats) -> None:

@@ -15,6 +15,10 @@ Pieces = Sequence[tuple[int, Layer]]
 Squares = Callable[[int, Region], Floats]
 
 DARK, BRIGHT = 8.0, 247.0  # grey levels outside of which a channel says nothing of the light
+WHITE = 255.0
+# Grey levels from black and from white from which on ratios are trusted in full: nearer to them they are bent by stray
+# light, black levels and the ends of tone curves
+TRUSTED = 64.0
 MIN_SAMPLES = 30  # px of the reduced canvas
 MIN_CELLS = 8
 COVERED = 0.5  # share of a cell that both photos must show
@@ -103,11 +107,18 @@ def _cells(
         return None
     means_a, means_b = (_means(np.asarray(cv2.copyTo(x, both.view(np.uint8))), side)[used] for x in (a, b))
     radii = [_means(np.asarray(squares(n, common), np.float32), side)[used] for n in (i, j)]
-    share = samples / min(int(first.mask.sum()), int(second.mask.sum()))
+    trust = _trust(*(means / covered[used][:, None] for means in (means_a, means_b)))
+    share = samples / min(int(first.mask.sum()), int(second.mask.sum())) * trust / trust.sum()
     rows, columns = np.nonzero(used)
     fold = (rows > np.median(rows)) ^ (columns > np.median(columns))
     numbers = (np.full(count, n) for n in (i, j))
-    return *numbers, np.log(means_a / means_b), *radii, np.full(count, share / count), fold
+    return *numbers, np.log(means_a / means_b), *radii, share, fold
+
+
+def _trust(one: Floats, other: Floats) -> Floats:
+    """How far (m,) to trust ratios of means (m, 3): less where they are dark or bright (Debevec & Malik 1997)."""
+    dark, bright = np.minimum(one, other).min(1), np.maximum(one, other).max(1)
+    return np.asarray(np.minimum(np.minimum(dark, WHITE - bright) / TRUSTED, 1))
 
 
 def all_channels(which: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -9,18 +9,18 @@ from numpy.typing import NDArray
 
 from panostitch.compositing.blend import BLENDERS
 from panostitch.compositing.blend.pieces import Piece, fill, hard_composite, only
+from panostitch.compositing.burnt import burnt_map
 from panostitch.compositing.coverage import POLES, covered_rays
 from panostitch.compositing.crop import Crop, choose_crop, surely_covered
 from panostitch.compositing.exposure import EXPOSURE
-from panostitch.compositing.light import expose, with_fall_off
-from panostitch.compositing.overlaps import Squares
+from panostitch.compositing.highlights import Sight, expose_all
 from panostitch.compositing.seams import SEAMS, extend
 from panostitch.compositing.warp import footprints, read_for, warp_and_place
 from panostitch.errors import AlignmentError, UsageError
 from panostitch.model.alignment import Alignment
 from panostitch.model.camera import Camera
 from panostitch.model.canvas import Canvas, Layer, Region
-from panostitch.model.light import Light, radius_square
+from panostitch.model.light import radius_square
 from panostitch.model.panorama import NOBODY, Plan
 from panostitch.model.photo import lens_groups
 from panostitch.options import CompositingOptions
@@ -61,12 +61,12 @@ def make_plan(
     """
     factor = reduction(canvas)
     small = canvas.reduced(factor)
-    pieces, squares = _warp_all(alignment, small, run, trace)
+    pieces, sights = _warp_all(alignment, small, run, trace)
     if not pieces:
         raise AlignmentError("no photo falls on the canvas", hint="try another --projection")
     count = len(alignment.photos)
-    light = EXPOSURE[options.exposure](lens_groups(alignment.photos), pieces, squares)
-    exposed = [(n, _exposed(n, layer, light, squares)) for n, layer in pieces]
+    lenses, squares = lens_groups(alignment.photos), lambda n, region: sights[n].square(region)
+    light, exposed = expose_all(EXPOSURE[options.exposure](lenses, pieces, squares), pieces, sights)
     labels = SEAMS[options.seams](small, exposed)
     covered = labels != NOBODY
     extended = extend(labels)
@@ -117,43 +117,28 @@ def _surely_covered(covered: NDArray[np.bool_], cameras: Sequence[Camera], small
     return surely_covered(framed)[1:-1, 1:-1]
 
 
-def _warp_all(alignment: Alignment, small: Canvas, run: Executor, trace: Trace) -> tuple[Placed, Squares]:
-    """All photos on the reduced canvas, as (photo, layer): one may be in two pieces, or in none; and their radii."""
+def _warp_all(alignment: Alignment, small: Canvas, run: Executor, trace: Trace) -> tuple[Placed, list[Sight]]:
+    """All photos on the reduced canvas, as (photo, layer): one may be in two pieces, or none; and what they see."""
     numbers = list(range(len(alignment.photos)))
     work = partial(_warp_one, alignment, small, footprints(alignment.cameras, small))
     placed: Placed = []
-    radii: dict[int, list[tuple[Region, NDArray[np.float32]]]] = {}
-    for n, found in zip(numbers, run.map(work, numbers, label="Planning"), strict=True):
-        layers = [layer for layer, _ in found]
+    sights = []
+    for n, (layers, sight) in zip(numbers, run.map(work, numbers, label="Planning"), strict=True):
         trace("compositing.warped", index=n, photo=alignment.photos[n], layers=layers, canvas=small)
         placed += [(n, layer) for layer in layers if layer.mask.any()]
-        radii[n] = [(layer.region, square) for layer, square in found]
-
-    def squares(photo: int, region: Region) -> NDArray[np.float64]:
-        place, square = next((place, square) for place, square in radii[photo] if place & region == region)
-        return np.asarray(square[region.within(place)], np.float64)
-
-    return placed, squares
+        sights.append(sight)
+    return placed, sights
 
 
 def _warp_one(
     alignment: Alignment, small: Canvas, places: Sequence[tuple[Region, ...]], n: int
-) -> list[tuple[Layer, NDArray[np.float32]]]:
-    """The pieces of a photo, with the squares (h, w) of the radii at which it sees their pixels."""
+) -> tuple[list[Layer], Sight]:
+    """The pieces of a photo, and where they see it."""
     raster, camera = read_for(alignment.photos[n], alignment.cameras[n], small)
-    found = []
-    for region in places[n]:
-        layer, xy = warp_and_place(raster, camera, small, region, interpolation=cv2.INTER_LINEAR)
-        found.append((layer, np.asarray(radius_square(xy.astype(np.float64), camera.size), np.float32)))
-    return found
-
-
-def _exposed(photo: int, layer: Layer, light: Light, squares: Squares) -> Layer:
-    factor = np.asarray(light.gains[photo], np.float32)
-    if light.has_fall_off(photo):
-        # not the coarse grid of `light.factors`: on the reduced canvas a photo may be no larger than a few blocks
-        factor = with_fall_off(light, photo, squares(photo, layer.region))
-    return Layer(layer.region, expose(layer.pixels, factor), layer.mask)
+    found = [warp_and_place(raster, camera, small, region, interpolation=cv2.INTER_LINEAR) for region in places[n]]
+    squares = (np.asarray(radius_square(xy.astype(np.float64), camera.size), np.float32) for _, xy in found)
+    seen = tuple((layer.region, xy, square) for (layer, xy), square in zip(found, squares, strict=True))
+    return [layer for layer, _ in found], Sight(camera.size, burnt_map(raster[0]), seen)
 
 
 def _piece(photo: int, layer: Layer, labels: NDArray[np.int16], whole: Region) -> Piece:

@@ -21,11 +21,14 @@ class Light:
     fall_off: (n, 3) a, b, c: of linear light, exp(-(a r^2 + b r^4 + c r^6)) is left at the radius r, which is 1 in
               the corners of the photo; all at least 0
     reason:   why these, one sentence
+    spared:   for each photo a coarse map (rows, columns, 3) of it, 0..1: the share of a gain below 1 that white is
+              spared there, as the photo is burnt; None where it is not, or not darkened; empty for no photo
     """
 
     gains: Floats
     fall_off: Floats
     reason: str = ""
+    spared: tuple[NDArray[np.float32] | None, ...] = ()
 
     @property
     def brightness(self) -> Floats:
