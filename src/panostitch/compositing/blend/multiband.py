@@ -53,7 +53,7 @@ def blend_reduced(
 
 
 def matters(owned: Booleans, levels: int, *, wraps: bool) -> Region:
-    """Where a photo that owns this (h, w) matters to bands: at multiples of the lowest one's step; rows of a turn whole.
+    """Where a photo that owns this (h, w) matters to bands, at multiples of the lowest step; whole rows of a turn.
 
     Its weights reach two pixels of the lowest band beyond what it owns, and its own bands must be sound there.
     """
