@@ -45,6 +45,7 @@ REACH = 0.1  # of the photo's longer side, around a match, in which nothing else
 ALIKE, CLEARLY = 0.7, 0.1  # correlation of the patches of a match, and how much less all others must have
 SAME = 3.0  # px: nearer places are the same
 TEXTURE = 2.0  # grey levels: a patch of less deviation shows nothing
+PLACES = 12  # along a photo: by area, the matches of each place count as much as those of any other
 EACH = 3  # of so many matches one is held back
 STEP = 4  # px between exact coordinates when a photo is resampled
 WINDOW = 7  # px, of SSIM
@@ -62,6 +63,9 @@ have a correlation of at least {ALIKE:g}, and all other places within {REACH:.0%
 {CLEARLY:g} less, looked for in either photo. That leaves out rows of like windows, and keeps what is near: matches may
 go tens of pixels another way than those of what is far, and no warp without a tear brings both together.
 
+Most matches lie on walls, few on the ground, which may fill half of the picture. By area: the root mean square in which
+all squares of a {PLACES}th of the first photo's length count alike that hold a match.
+
 PSNR and SSIM: the second photo is resampled into the first one and compared there, after a gain for each channel, over
 the pixels that all contestants of the set put into both photos, and nowhere else. A dash: no result. One row of means
 is over all sets, the other over those in which every contestant has a result. The means are those of a few sets with
@@ -74,6 +78,7 @@ class Scores:
 
     rms: float
     median: float
+    area: float
     psnr: float
     ssim: float
 
@@ -105,9 +110,17 @@ def judge(photos: list[Photo]) -> tuple[int, dict[str, Scores]]:
     sound = aside & true_matches(photos, xy_i, xy_j)
     errors = {name: np.linalg.norm(send(xy_i[sound]) - xy_j[sound], axis=1) for name, send in maps.items()}
     alike = likeness(photos, maps)
+    share = by_area(xy_i[sound], max(photos[0].size) / PLACES)
     return int(sound.sum()), {
-        name: Scores(float(np.sqrt((e**2).mean())), float(np.median(e)), *alike[name]) for name, e in errors.items()
+        name: Scores(float(np.sqrt((e**2).mean())), float(np.median(e)), float(np.sqrt(share @ e**2)), *alike[name])
+        for name, e in errors.items()
     }
+
+
+def by_area(xy: Floats, side: float) -> Floats:
+    """The weight (n,) of each point (n, 2) px, in sum 1, by which all squares of this side count alike."""
+    _, square, count = np.unique(np.floor((xy + 0.5) / side), axis=0, return_inverse=True, return_counts=True)
+    return np.asarray(1 / count[square.ravel()] / len(count), np.float64)
 
 
 def matches(photos: list[Photo]) -> tuple[Floats, Floats]:
@@ -206,7 +219,10 @@ def page(results: dict[str, tuple[int, dict[str, Scores]]]) -> str:
     every = [scores for _, scores in results.values()]
     full = [scores for scores in every if len(scores) == len(CONTESTANTS)]
     for title, kinds in (
-        ("Held-back matches: root mean square / median, px", (("rms", "{:.2f}"), ("median", "{:.2f}"))),
+        (
+            "Held-back matches: root mean square / median / root mean square by area, px",
+            (("rms", "{:.2f}"), ("median", "{:.2f}"), ("area", "{:.2f}")),
+        ),
         ("Overlap: PSNR, dB / SSIM", (("psnr", "{:.2f}"), ("ssim", "{:.3f}"))),
     ):
         lines += ["", f"## {title}", "", f"| set | matches | {' | '.join(CONTESTANTS)} |", f"|---|---|{'---|' * 4}"]

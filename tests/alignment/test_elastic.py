@@ -31,6 +31,8 @@ SAME = 1e-3  # px, of nodes: they are rounded to 1e-4, and sums in another order
 STRAIGHT = 0.1  # px by which a line of 300 px may leave its chord: nobody sees it. 0.02 seen, 0.3 without lines.
 # Times by which meshes must lower the true error of cameras in a scene with parallax: 7 seen.
 BETTER = 3.0
+FAR = 40.0  # px, a twelfth of the photo, by which the lowest lines of two photos are off: patches are sought within 16
+NEARER = 20.0  # times, by which meshes must lower that: 70 seen, 3 without flow
 
 
 @cache
@@ -164,6 +166,25 @@ def test_photos_with_parallax_are_bent():
     assert bent.local_warp.bent_rms < bent.local_warp.rms / BETTER
     assert true_rms(bent, cameras) < true_rms(plain, cameras) / BETTER
     assert (plain.rms, plain.p95) == (bent.rms, bent.p95)  # of the cameras alone
+
+
+@cache
+def far_ground():
+    """Photos of a scene whose lower half goes ever further off, to FAR px: as the ground at one's feet does."""
+    mesh = flat_mesh(SIZE, COARSE)
+    depth = np.linspace(-0.1, 1.1, mesh.nodes.shape[0])[:, None].clip(0.5) - 0.5
+    meshes = [Mesh(SIZE, mesh.nodes + side * FAR * depth[..., None] * [1.0, 0.0]) for side in (-1.0, 1.0)]
+    cameras = [replace(camera, mesh=one) for camera, one in zip(pair(), meshes, strict=True)]
+    return cameras, photograph_plan(scene(), cameras, supersample=1)
+
+
+def test_ground_that_no_key_point_and_no_patch_reaches_is_brought_together():
+    cameras, photos = far_ground()
+
+    bent = pipeline.align(photos, Options())
+
+    assert bent.local_warp.used
+    assert true_rms(bent, cameras) < FAR / NEARER
 
 
 def test_threads_change_nothing():

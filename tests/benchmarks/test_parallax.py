@@ -65,3 +65,11 @@ def test_a_post_among_posts_is_not_believed(parallax):
     assert not parallax.unmistakable(posts, posts, *at, *at)
     assert not parallax.unmistakable(grain, grain, *at, at[0] + [6, 0])
     assert not parallax.unmistakable(grain * 0, grain * 0, *at, *at)
+
+
+def test_by_area_a_crowd_counts_no_more_than_one_alone(parallax):
+    xy = np.array([[10.0, 10.0]] * 9 + [[250.0, 10.0]])
+
+    weight = parallax.by_area(xy, 100.0)
+
+    np.testing.assert_allclose(weight, [1 / 18] * 9 + [1 / 2])

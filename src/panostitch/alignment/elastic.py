@@ -1,8 +1,9 @@
 """What a single centre of rotation cannot explain: an elastic mesh for each photo, kept where it clearly helps.
 
-Coarse to fine: corners all over the overlaps are measured in the other photo (alignment.registration), where the meshes
-so far say that they are; the meshes are fitted to them, and the next finer photos are looked at. Cells all over the
-photos are held back from that, and judge.
+Coarse to fine. Dense flow between the smallest photos (alignment.flow) finds what lies far from where the cameras see
+it, the ground at one's feet. Then corners all over the overlaps are measured in the other photo
+(alignment.registration), near where the meshes so far say that they are; the meshes are fitted to them, and the next
+finer photos are looked at. Cells all over the photos are held back from that, and judge.
 """
 
 from collections.abc import Sequence
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from panostitch.alignment.distances import rms
 from panostitch.alignment.elastic_system import errors, with_meshes
+from panostitch.alignment.flow import followed
 from panostitch.alignment.pictures import Pictures
 from panostitch.alignment.refine import measured
 from panostitch.alignment.registration import BORDER, HALF
@@ -29,10 +31,13 @@ from panostitch.runtime.executor import Executor
 Floats = NDArray[np.float64]
 
 COARSEST, FINEST = 240, 1600  # px of the photos' longer side
-WAY = 8.0  # px of the reduced photo, from where a point is sought
+FLOWS = 2  # times that flow is followed: what was out of its reach, the meshes may have brought nearer
+WAY = 8.0  # px of the reduced photo, from where a patch is sought
 BLOCKS = 1000  # of a photo in a pair, a corner sought in each,
 FEWEST_BLOCKS = 200  # less where a photo has many partners
 SMALLEST_BLOCK = 10  # px: what is nearer lies in much the same patch
+DENSER = 4  # times as many points are followed by flow, which is there for all pixels,
+SMALLEST_FLOW_BLOCK = 5  # px
 FEWEST_CELLS = 12  # along a photo, of meshes that only say where to look, and of those of very many photos
 FEW = 6  # photos; with more, cells become larger
 CORNER = 5  # px, side of the window
@@ -54,18 +59,21 @@ def elastic(
     lines = list(run.map(partial(straight_lines, pictures), range(len(photos)), label="Finding straight lines"))
     blocks = int(np.clip(BLOCKS * len(photos) / (2 * len(points)), FEWEST_BLOCKS, BLOCKS))
     known = [agreeing(cameras, pair) for pair in points]
-    bent = with_meshes(cameras, known, lines, FEWEST_CELLS)
+    bent = tuple(cameras)
     held: list[ControlPoints] = []
     factors = _factors(photos)
-    for factor in factors:
-        work = partial(_found, pictures, bent, factor, blocks)
+    looks = [(_followed, factors[0])] * FLOWS + [(_measured, factor) for factor in factors]
+    for n, (look, factor) in enumerate(looks):
+        if 0 < n < FLOWS and _within_reach(bent, WAY * factor):
+            continue
+        work = partial(look, pictures, bent, factor, blocks)
         found = run.map(work, [(pair.i, pair.j) for pair in known], label="Measuring parallax")
-        sound = [agreeing(cameras, pair) for pair in found]
+        sound = [agreeing(bent, pair) for pair in found]
         held = [pair.take(_held_back(cameras, pair)) for pair in sound]
         known = [_completed(cameras, new, old) for new, old in zip(sound, known, strict=True)]
         used = [pair.take(~_held_back(cameras, pair)) for pair in known]
-        bent = with_meshes(cameras, used, lines, _cells_for(photos) if factor == factors[-1] else FEWEST_CELLS)
-        if factor == factors[0] and _hopeless(_judged(cameras, bent, held)):
+        bent = with_meshes(cameras, used, lines, _cells_for(photos) if n == len(looks) - 1 else FEWEST_CELLS)
+        if n == FLOWS and _hopeless(_judged(cameras, bent, held)):
             break
     return bent, _judged(cameras, bent, held)
 
@@ -83,14 +91,27 @@ def _cells_for(photos: Sequence[Photo]) -> int:
     return int(np.clip(CELLS * np.sqrt(FEW / len(photos)), FEWEST_CELLS, CELLS))
 
 
-def _found(
+def _followed(
     pictures: Pictures, cameras: Sequence[Camera], factor: int, blocks: int, pair: tuple[int, int]
 ) -> ControlPoints:
-    """Corners of one photo, and where they are in the other."""
+    """Corners of one photo, and where dense flow leads them in the other."""
+    i, j = pair
+    grey_i, grey_j = pictures.read(i, factor), pictures.read(j, factor)
+    small_i, small_j = (cameras[n].scaled((g.shape[1], g.shape[0])) for n, g in ((i, grey_i), (j, grey_j)))
+    corners = _corners(grey_i, DENSER * blocks, smallest=SMALLEST_FLOW_BLOCK)
+    here, there = followed(corners.astype(int), small_i, small_j, grey_i, grey_j)
+    up_i, up_j = (np.array(cameras[n].size) / small.size for n, small in ((i, small_i), (j, small_j)))
+    return ControlPoints(i, j, rescale(here, up_i), rescale(there, up_j))
+
+
+def _measured(
+    pictures: Pictures, cameras: Sequence[Camera], factor: int, blocks: int, pair: tuple[int, int]
+) -> ControlPoints:
+    """Corners of one photo, and where their patches are in the other."""
     i, j = pair
     grey = pictures.read(i, factor)
     size = (grey.shape[1], grey.shape[0])
-    corners = rescale(_corners(grey, blocks), np.array(cameras[i].size) / size)
+    corners = rescale(_corners(grey, blocks, smallest=SMALLEST_BLOCK), np.array(cameras[i].size) / size)
     there = cameras[j].project(cameras[i].rays(corners))
     margin = (HALF + BORDER) * factor
     with np.errstate(invalid="ignore"):
@@ -99,10 +120,10 @@ def _found(
     return points
 
 
-def _corners(grey: NDArray[np.uint8], blocks: int) -> Floats:
-    """Pixels (n, 2): the best corner of each block."""
+def _corners(grey: NDArray[np.uint8], blocks: int, *, smallest: int) -> Floats:
+    """Pixels (n, 2): the best corner of each block; no side of a block is below `smallest` px."""
     height, width = grey.shape
-    side = max(SMALLEST_BLOCK, round(float(np.sqrt(height * width / blocks))))
+    side = max(smallest, round(float(np.sqrt(height * width / blocks))))
     strength = cv2.cornerMinEigenVal(grey.astype(np.float32), CORNER)
     rows, columns = height // side, width // side
     tiles = strength[: rows * side, : columns * side].reshape(rows, side, columns, side).swapaxes(1, 2)
@@ -148,13 +169,19 @@ def _judged(cameras: Sequence[Camera], bent: Sequence[Camera], held: Sequence[Co
         return LocalWarp(False, 0, 0.0, 0.0, 0.0, 0.0)
     error, bent_error = rms(before), rms(after)
     median, bent_median = float(np.median(before)), float(np.median(after))
-    clear = bent_error < CLEARLY * error and error - bent_error > NOTICEABLE and bent_median < CLEARLY * median
+    clear = bent_error < CLEARLY * error and error - bent_error > NOTICEABLE and bent_median <= median
     return LocalWarp(clear and len(before) >= FEWEST_JUDGES, len(before), error, median, bent_error, bent_median)
 
 
+def _within_reach(bent: Sequence[Camera], way: float) -> bool:
+    """Whether patches that are sought on a way of so many px are found without more ado."""
+    return all(camera.mesh is None or camera.mesh.largest < way for camera in bent)
+
+
 def _hopeless(warp: LocalWarp) -> bool:
-    """Whether what the smallest photos show is reason enough not to look at larger ones."""
-    return warp.matches >= FEWEST_JUDGES and not warp.used
+    """Whether what the smallest photos show is reason enough not to look at larger ones: one wrong match is none."""
+    better = warp.bent_rms < CLEARLY * warp.rms or warp.bent_median < CLEARLY * warp.median
+    return warp.matches >= FEWEST_JUDGES and not better
 
 
 def _lengths(cameras: Sequence[Camera], points: Sequence[ControlPoints]) -> Floats:

@@ -31,7 +31,7 @@ STIFFNESS = 0.1  # of a second difference of 1 px between nodes, in errors of 1 
 FADING = 0.2  # of the photo's longer side, over which a displacement fades where nothing holds it
 LINE_STIFFNESS = 100.0  # the same as STIFFNESS, across a straight line and for each step of a cell along it
 EXACT, MOST_STEPS = 3e-4, 200  # of the conjugate gradients: share of the right side that is left, and steps
-LARGEST = 0.02  # of the photo's longer side: the most that a photo is displaced
+LARGEST = 0.06  # of the photo's longer side: the most that a photo is displaced
 TAMED = 0.99  # times the steepest that a mesh may be: from here on it would have been steeper
 STIFFER = 4.0  # times, where a mesh would be steeper than it may be
 
@@ -53,12 +53,13 @@ def with_meshes(
     """
     plain = [replace(camera, mesh=None) for camera in cameras]
     pairs = [_Pair(pair, _slope(plain[pair.i], plain[pair.j], pair.xy_i)) for pair in points if len(pair)]
-    stiffness = STIFFNESS
+    stiffness = np.full(len(plain), STIFFNESS)
     while True:
         found = _solved(plain, pairs, lines, cells, stiffness)
-        if all(camera.mesh.steepness < TAMED * STEEPEST for camera in found if camera.mesh):
+        steep = np.array([bool(camera.mesh and camera.mesh.steepness >= TAMED * STEEPEST) for camera in found])
+        if not steep.any():
             return found
-        stiffness *= STIFFER
+        stiffness[steep] *= STIFFER
 
 
 def errors(cameras: Sequence[Camera], points: ControlPoints) -> Floats:
@@ -67,10 +68,10 @@ def errors(cameras: Sequence[Camera], points: ControlPoints) -> Floats:
 
 
 def _solved(
-    cameras: Sequence[Camera], pairs: Sequence[_Pair], lines: Sequence[Floats], cells: int, stiffness: float
+    cameras: Sequence[Camera], pairs: Sequence[_Pair], lines: Sequence[Floats], cells: int, stiffness: Floats
 ) -> tuple[Camera, ...]:
     meshes = [flat_mesh(camera.size, cells) for camera in cameras]
-    prior = block_diag([_prior(mesh, lines[n], stiffness) for n, mesh in enumerate(meshes)], format="csr")
+    prior = block_diag([_prior(mesh, lines[n], stiffness[n]) for n, mesh in enumerate(meshes)], format="csr")
     places = [(pair.points.xy_i, pair.points.xy_j) for pair in pairs]
     nearly, solution, scale = None, np.zeros(prior.shape[0]), 0.0
     for _ in range(ROUNDS if pairs else 0):
