@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array, csc_array, diags_array, eye_array
+from scipy.sparse.linalg import SuperLU, splu
 
 from panostitch.compositing.overlaps import Overlaps
 from panostitch.model.light import TERMS
@@ -94,24 +96,30 @@ def _solve(overlaps: Overlaps, count: int, falls: Floats, weights: Floats) -> Fi
     graph = _graph(overlaps, count, weight)
     coefficients = np.zeros(falls.shape[1])
     if falls.shape[1]:
-        solver = np.linalg.inv(graph + np.eye(count) / GAIN_SPREAD**2)
+        solver = _factored(graph, GAIN_SPREAD)
         mean, weighted = overlaps.logs.mean(1), falls * weight[:, None]
         cross = _into_photos(overlaps, count, weighted)
-        square = falls.T @ weighted - cross.T @ solver @ cross + np.eye(falls.shape[1]) / FALL_OFF_SPREAD**2
-        pull = cross.T @ solver @ _into_photos(overlaps, count, (mean * weight)[:, None])[:, 0] - weighted.T @ mean
+        square = falls.T @ weighted - cross.T @ solver.solve(cross) + np.eye(falls.shape[1]) / FALL_OFF_SPREAD**2
+        steps = _into_photos(overlaps, count, (mean * weight)[:, None])[:, 0]
+        pull = cross.T @ solver.solve(steps) - weighted.T @ mean
         coefficients = _plausible(square, pull)
     right = _into_photos(overlaps, count, (overlaps.logs + (falls @ coefficients)[:, None]) * weight[:, None])
     logs = _gains(graph, right)
     return Fit(logs, coefficients.reshape(-1, TERMS), weights)
 
 
-def _gains(graph: Floats, right: Floats) -> Floats:
+def _gains(graph: csc_array, right: Floats) -> Floats:
     """Log gains (n, 3) from the normal matrix (n, n) and the weighted log ratios (n, 3) summed into the photos."""
-    one, mean = np.eye(len(graph)), right.mean(1)
+    mean = right.mean(1)
     # the sign: a photo that is brighter than its neighbours gets a gain below one
-    brightness = -np.linalg.solve(graph + one / GAIN_SPREAD**2, mean)
-    colour = -np.linalg.solve(graph + one / COLOUR_SPREAD**2, right - mean[:, None])
+    brightness = -_factored(graph, GAIN_SPREAD).solve(mean)
+    colour = -_factored(graph, COLOUR_SPREAD).solve(right - mean[:, None])
     return np.asarray(brightness[:, None] + colour)
+
+
+def _factored(graph: csc_array, spread: float) -> SuperLU:
+    """The factors of the normal matrix with the wish that unknowns be 0, to within a spread."""
+    return splu(csc_array(graph + eye_array(graph.shape[0]) / spread**2))
 
 
 def _tempered(fitted: Fit) -> Fit:
@@ -121,11 +129,11 @@ def _tempered(fitted: Fit) -> Fit:
     return Fit(fitted.logs - mean * (1 - kept), fitted.fall_off, fitted.weights)
 
 
-def _graph(overlaps: Overlaps, count: int, weight: Floats) -> Floats:
-    """The normal matrix (n, n) of differences between photos."""
-    off = np.bincount(overlaps.i * count + overlaps.j, weight, count * count).reshape(count, count)
-    off = off + off.T
-    return np.asarray(np.diag(off.sum(1)) - off)
+def _graph(overlaps: Overlaps, count: int, weight: Floats) -> csc_array:
+    """The normal matrix (n, n) of differences between photos: few of them touch."""
+    one_way = coo_array((weight, (overlaps.i, overlaps.j)), shape=(count, count))
+    off = csc_array(one_way + one_way.T)
+    return csc_array(diags_array(off.sum(0)) - off)
 
 
 def _into_photos(overlaps: Overlaps, count: int, values: Floats) -> Floats:
