@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from panostitch.compositing.burnt import read_at
 from panostitch.compositing.light import WHITE, expose, given_back, with_fall_off
-from panostitch.compositing.overlaps import Pieces
+from panostitch.compositing.overlaps import Pieces, that_touch
 from panostitch.model.canvas import Layer, Region
 from panostitch.model.light import Light
 
@@ -67,12 +67,18 @@ def expose_all(light: Light, pieces: Pieces, sights: Sequence[Sight]) -> tuple[L
     """
     spared: list[Floats | None] = [None] * len(sights)
     exposed: dict[int, Layer] = {}
+    near: dict[int, list[int]] = {}
+    for a, b in that_touch([layer.region for _, layer in pieces]):
+        near.setdefault(a, []).append(b)
+        near.setdefault(b, []).append(a)
     for photo in np.argsort(-light.brightness, kind="stable").tolist():
         own = [number for number, (n, _) in enumerate(pieces) if n == photo]
         burnt, sight = sights[photo].burnt, sights[photo]
         if burnt is not None and light.gains[photo].min() < DARKER:
-            others = list(exposed.values())
-            told = [part for number in own for part in _told(photo, pieces[number][1], light, sight, burnt, others)]
+            others = {number: [exposed[n] for n in near.get(number, ()) if n in exposed] for number in own}
+            told = [
+                part for n, some in others.items() for part in _told(photo, pieces[n][1], light, sight, burnt, some)
+            ]
             spared[photo] = burnt[..., None] * _spread(told, burnt.shape)
         for number in own:
             exposed[number] = _exposed(photo, pieces[number][1], light, sight, spared[photo])
@@ -104,8 +110,6 @@ def _told(
     """
     for other in others:
         common = own.region & other.region
-        if not common:
-            continue
         pixels, aims = (layer.pixels[common.within(layer.region)] for layer in (own, other))
         both = own.mask[common.within(own.region)] & other.mask[common.within(other.region)]
         near = both & (read_at(burnt, sight.xy(common), sight.size) > 0.5)

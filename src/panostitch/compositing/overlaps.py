@@ -63,7 +63,7 @@ class Overlaps:
 
 def find_overlaps(pieces: Pieces, squares: Squares) -> Overlaps:
     """The cells of all pairs of photos; a photo may come in two pieces."""
-    pairs = [(a, b) for a, b in _that_touch([layer.region for _, layer in pieces]) if pieces[a][0] != pieces[b][0]]
+    pairs = [(a, b) for a, b in that_touch([layer.region for _, layer in pieces]) if pieces[a][0] != pieces[b][0]]
     # whichever comes first, a pair is looked at from its lower number: the order of pieces does not matter
     pairs = [(a, b) if pieces[a][0] < pieces[b][0] else (b, a) for a, b in pairs]
     most = int(np.clip(MOST_CELLS / max(1, len(pairs)), *CELLS_OF_A_PAIR))
@@ -73,7 +73,7 @@ def find_overlaps(pieces: Pieces, squares: Squares) -> Overlaps:
     return Overlaps(numbers, *columns)
 
 
-def _that_touch(regions: Sequence[Region]) -> Iterator[tuple[int, int]]:
+def that_touch(regions: Sequence[Region]) -> Iterator[tuple[int, int]]:
     """Pairs a < b of regions that have pixels in common."""
     sides = np.array([(r.x, r.y, r.right, r.bottom) for r in regions]).reshape(-1, 4)
     for a, (x, y, right, bottom) in enumerate(sides):

@@ -9,6 +9,7 @@ pixels leave open.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -87,6 +88,4 @@ def _take(lying: Composite, photo: Whole, taken: Booleans, difference: Floats) -
         seams[at] = kept
     number = np.full(taken.shape, photo.number, np.int16)
     for array, own in ((lying.labels, number), (lying.picture, photo.pixels), (lying.depth, photo.depth)):
-        frame = array[at]
-        frame[laid] = own[laid]
-        array[at] = frame
+        array[at] = cv2.copyTo(own, laid.view(np.uint8), np.ascontiguousarray(array[at]))
