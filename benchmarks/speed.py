@@ -11,9 +11,12 @@ panostitch    the command line as it comes, but with `--crop none`: cv2.Stitcher
   render      its second half alone
 cv2.Stitcher  reading, `stitch` in PANORAMA mode as it comes, writing
 floor         decoding every photo, one cubic remap for each pixel of our panorama, encoding: what nobody can do without
+
+Where the time goes is measured in one more run, on one thread (`benchmarks/speed_stages.py`).
 """
 
 import argparse
+import json
 import os
 import platform
 import subprocess
@@ -50,6 +53,7 @@ STEP = 16  # px between its exact coordinates
 ALIGN, RENDER, FLOOR, SHOOT = "align", "render", "floor", "shoot"
 # scene: most CPU time, time on the clock and memory that ours may take, as shares of cv2.Stitcher's; None: not promised
 PROMISED: dict[str, tuple[float, float | None, float]] = {"ring": (0.10, None, 0.25), "row": (0.40, 0.5, 0.5)}
+STAGES = str(Path(__file__).with_name("speed_stages.py"))
 WHOLE, HALF = 3.5, 2.0  # times the floor's CPU time that the whole and its second half may take
 
 _cv2: Any = cv2  # OpenCV's stubs lack some of what is used here
@@ -63,6 +67,15 @@ class Cost:
     wall: float
     megabytes: float
     failed: str = ""
+
+
+@dataclass(frozen=True)
+class Found:
+    """Of a scene: size (width, height) of our panorama, what each program takes, CPU seconds of each of our stages."""
+
+    size: tuple[int, int]
+    costs: dict[str, Cost]
+    stages: dict[str, float]
 
 
 def ring() -> list[Camera]:
@@ -107,8 +120,8 @@ def main() -> int:
     return 0 if kept else 1
 
 
-def measure(home: Path, scene: str, *, repeat: int, threads: int) -> tuple[tuple[int, int], dict[str, Cost]]:
-    """Size (width, height) of our panorama, and the medians of what each program takes."""
+def measure(home: Path, scene: str, *, repeat: int, threads: int) -> Found:
+    """The medians of what each program takes, and where our time goes."""
     photos = [str(home / f"photo_{n:02}.jpg") for n in range(len(SCENES[scene]()))]
     out, project, again = (str(home / name) for name in ("ours.jpg", "ours.pano.json", "again.jpg"))
     common = ["--overwrite", "--quiet", "--threads", str(threads)]
@@ -129,7 +142,8 @@ def measure(home: Path, scene: str, *, repeat: int, threads: int) -> tuple[tuple
         for name, command in commands.items():
             runs[name].append(run(command))
             print(name, runs[name][-1], file=sys.stderr, flush=True)
-    return size_of(out), {name: middle(costs) for name, costs in runs.items()}
+    told = subprocess.run([sys.executable, "-P", STAGES, *photos, again], check=True, stdout=subprocess.PIPE)
+    return Found(size_of(out), {name: middle(costs) for name, costs in runs.items()}, json.loads(told.stdout))
 
 
 def snapshot(scene: Scene, camera: Camera, seed: int) -> Picture:
@@ -220,18 +234,38 @@ CHILDREN: dict[str, Callable[..., None]] = {SHOOT: shoot, RIVAL: rival, FLOOR: f
 # ---- words
 
 
-def page(found: dict[str, tuple[tuple[int, int], dict[str, Cost]]], *, threads: int) -> tuple[str, bool]:
+def page(found: dict[str, Found], *, threads: int) -> tuple[str, bool]:
     """All of it in Markdown, and whether all promises are kept."""
     text, kept = header(threads), True
-    for name, (size, costs) in found.items():
-        photos = len(SCENES[name]())
-        text += f"\n\n## {name}: {photos} photos of 12 megapixels, {size[0] * size[1] / 1e6:.0f} megapixels\n\n"
+    for name, scene in found.items():
+        photos, (width, height), costs = len(SCENES[name]()), scene.size, scene.costs
+        text += f"\n\n## {name}: {photos} photos of 12 megapixels, {width * height / 1e6:.0f} megapixels\n\n"
         text += "| | CPU s | wall s | peak MB | CPU / cv2.Stitcher | CPU / floor |\n|---|---|---|---|---|---|\n"
         text += "\n".join(line(program, costs) for program in costs) + "\n"
         for said, good in promises(name, costs):
             text += f"\n- {said}: {'yes' if good else 'NO'}"
             kept &= good
-    return text, kept
+    return text + "\n\n" + stages(found), kept
+
+
+def stages(found: dict[str, Found]) -> str:
+    """Where our time goes."""
+    names = list(next(iter(found.values())).stages)
+    rows = [f"| {name} | {' | '.join(f'{scene.stages[name]:.2f}' for scene in found.values())} |" for name in names]
+    sums = " | ".join(f"{sum(scene.stages.values()):.2f}" for scene in found.values())
+    return "\n".join(
+        [
+            "## Where the time goes",
+            "",
+            "CPU seconds of a run on one thread. Photos are decoded four times: small for the key points and for the",
+            "plan, at full size for the control points and for the panorama.",
+            "",
+            f"| | {' | '.join(found)} |",
+            f"|---|{'---|' * len(found)}",
+            *rows,
+            f"| sum | {sums} |",
+        ]
+    )
 
 
 def header(threads: int) -> str:
