@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from panostitch import pipeline
+from panostitch import alignment, pipeline
 from panostitch.alignment.elastic import agreeing
 from panostitch.alignment.elastic_system import LARGEST, errors, with_meshes
 from panostitch.model.match import ControlPoints
@@ -196,3 +196,13 @@ def test_threads_change_nothing():
 
 def test_photos_without_parallax_are_left_alone():
     assert found(0.0).to_json() == found(0.0, local_warp="none").to_json()
+
+
+def test_the_noise_of_key_points_that_could_not_be_measured_is_no_parallax(monkeypatch):
+    monkeypatch.setattr(alignment, "refined", lambda *given, **_: list(given[2]))
+    _, photos = photographed(0.0)
+
+    left = pipeline.align(photos, Options())
+
+    assert left.p95 > alignment.SHOWS
+    assert left.local_warp is None

@@ -48,7 +48,7 @@ LOSS_SCALE = 2.0  # working px: about the noise of a key point, so that true mat
 MAX_RMS = 12.0  # working px: an alignment that is this far off has not been found
 POINTS_PER_PHOTO = 300  # control points to be measured again, over all links of a photo
 MOST_POINTS, FEWEST_POINTS = 100, 40  # of one link
-SHOWS = 0.5  # px: where 90 % of the control points are nearer, the photos need no bending
+SHOWS = 0.5  # px: where 90 % of the control points that were measured are nearer, the photos need no bending
 HELD_BACK = 8  # of so many control points one is kept to judge by,
 JUDGED_FROM = 24  # in links that have at least this many
 
@@ -72,7 +72,7 @@ def align_group(
     """
     rough, choice = _rough(photos, links, options, pixel_size)
     pictures = pictures_of(photos)
-    points = _control_points(pictures, rough, options, pixel_size, run)
+    points, vague = _control_points(pictures, rough, options, pixel_size, run)
     used, held = _split(points)
     fit = refitted(rough, photos, used)
     used, held = pruned(fit, used, used), pruned(fit, held, used)
@@ -88,9 +88,15 @@ def align_group(
         pairs=tuple(pairs),
     )
     trace("alignment.solved", alignment=alignment, residuals={"rms": alignment.rms, "p95": alignment.p95})
-    if options.local_warp == "none" or np.percentile(solved.errors(points), 90) < SHOWS:
+    if options.local_warp == "none" or _explains(solved, points, vague, pixel_size):
         return alignment
     return _bent(alignment, pictures, points, run, trace)
+
+
+def _explains(fit: Fit, points: Sequence[ControlPoints], vague: Sequence[bool], pixel_size: float) -> bool:
+    """Whether the cameras alone explain nine in ten of the control points, each as far as it can tell."""
+    limits = [LOSS_SCALE * pixel_size if noisy else SHOWS for noisy in vague]
+    return bool(np.percentile(fit.errors(points) / np.repeat(limits, [len(pair) for pair in points]), 90) < 1)
 
 
 def _bent(
@@ -175,14 +181,16 @@ def _candidate(fit: Fit, links: Sequence[VerifiedMatch], scale: float) -> Candid
 
 def _control_points(
     pictures: Pictures, fit: Fit, options: AlignmentOptions, pixel_size: float, run: Executor
-) -> list[ControlPoints]:
-    """What the cameras are finally adjusted to, pair by pair."""
+) -> tuple[list[ControlPoints], list[bool]]:
+    """What the cameras are finally adjusted to, pair by pair, and where it is only as exact as key points are."""
     if options.refine == "none":
-        return [thinned(link) for link in fit.links]
+        return [thinned(link) for link in fit.links], [False] * len(fit.links)
     share = POINTS_PER_PHOTO * len(fit.cameras) // (2 * len(fit.links))
     count = int(np.clip(share, FEWEST_POINTS, MOST_POINTS))
     points = [thinned(link, count) for link in fit.links]
-    return refined(pictures, fit.cameras, points, pixel_size=pixel_size, run=run)
+    found = refined(pictures, fit.cameras, points, pixel_size=pixel_size, run=run)
+    # what cannot be measured is given back as it was
+    return found, [new is old for new, old in zip(found, points, strict=True)]
 
 
 def _split(points: Sequence[ControlPoints]) -> tuple[list[ControlPoints], list[ControlPoints]]:
