@@ -20,7 +20,7 @@ from panostitch.errors import AlignmentError, UsageError
 from panostitch.model.alignment import Alignment
 from panostitch.model.camera import Camera
 from panostitch.model.canvas import Canvas, Layer, Region
-from panostitch.model.light import radius_square
+from panostitch.model.light import Light, radius_square
 from panostitch.model.panorama import NOBODY, Plan
 from panostitch.model.photo import lens_groups
 from panostitch.options import CompositingOptions
@@ -61,12 +61,7 @@ def make_plan(
     """
     factor = reduction(canvas)
     small = canvas.reduced(factor)
-    pieces, sights = _warp_all(alignment, small, run, trace)
-    if not pieces:
-        raise AlignmentError("no photo falls on the canvas", hint="try another --projection")
-    count = len(alignment.photos)
-    lenses, squares = lens_groups(alignment.photos), lambda n, region: sights[n].square(region)
-    light, exposed = expose_all(EXPOSURE[options.exposure](lenses, pieces, squares), pieces, sights)
+    light, exposed, unexposed = _lit(alignment, small, options, run, trace)
     labels = SEAMS[options.seams](small, exposed)
     covered = labels != NOBODY
     extended = extend(labels)
@@ -80,13 +75,28 @@ def make_plan(
     if not covered[cells.within(small.region)].any():
         raise UsageError("no photo shows anything of what was asked for", hint="look at the whole with --crop none")
     if trace is not silent:  # pictures that nobody else needs
-        unexposed = _filled([_piece(n, layer, extended, small.region) for n, layer in pieces], covered.shape)
-        trace("compositing.exposed", photos=alignment.photos, light=light, before=unexposed, after=composite)
+        before = _filled([_piece(n, layer, extended, small.region) for n, layer in unexposed], covered.shape)
+        trace("compositing.exposed", photos=alignment.photos, light=light, before=before, after=composite)
         trace("compositing.seamed", labels=labels, picture=composite, names=[p.name for p in alignment.photos])
         _trace_bands(picture, trace)
     trace("compositing.cropped", picture=picture, coverage=covered, crop=cells, reason=reason)
-    changes = _changes(count, exposed, blended, small)
+    changes = _changes(len(alignment.photos), exposed, blended, small)
     return Plan(light, factor, extended, changes, kept, reason, covered=bool(sure[cells.within(small.region)].all()))
+
+
+def _lit(
+    alignment: Alignment, small: Canvas, options: CompositingOptions, run: Executor, trace: Trace
+) -> tuple[Light, Placed, Placed]:
+    """The light, and the photos on the reduced canvas in it; and as they were, if somebody wants to see that.
+
+    Raises AlignmentError where no photo falls on the canvas.
+    """
+    pieces, sights = _warp_all(alignment, small, run, trace)
+    if not pieces:
+        raise AlignmentError("no photo falls on the canvas", hint="try another --projection")
+    lenses, squares = lens_groups(alignment.photos), lambda n, region: sights[n].square(region)
+    light, exposed = expose_all(EXPOSURE[options.exposure](lenses, pieces, squares), pieces, sights)
+    return light, exposed, [] if trace is silent else pieces
 
 
 def coverage(alignment: Alignment, canvas: Canvas, *, run: Executor = serial) -> NDArray[np.bool_]:
