@@ -6,7 +6,7 @@ it, the ground at one's feet. Then corners all over the overlaps are measured in
 finer photos are looked at. Cells all over the photos are held back from that, and judge.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import cv2
@@ -63,10 +63,13 @@ def elastic(
     held: list[ControlPoints] = []
     factors = _factors(photos)
     looks = [(_followed, factors[0])] * FLOWS + [(_measured, factor) for factor in factors]
+    firsts = sorted({pair.i for pair in points})
     for n, (look, factor) in enumerate(looks):
         if 0 < n < FLOWS and _within_reach(bent, WAY * factor):
             continue
-        work = partial(look, pictures, bent, factor, blocks)
+        dense = (DENSER * blocks, SMALLEST_FLOW_BLOCK) if look is _followed else (blocks, SMALLEST_BLOCK)
+        corners = run.map(partial(_corners, pictures, factor, *dense), firsts, label="Finding corners")
+        work = partial(look, pictures, bent, factor, dict(zip(firsts, corners, strict=True)))
         found = run.map(work, [(pair.i, pair.j) for pair in known], label="Measuring parallax")
         sound = [agreeing(bent, pair) for pair in found]
         held = [pair.take(_held_back(cameras, pair)) for pair in sound]
@@ -92,36 +95,36 @@ def _cells_for(photos: Sequence[Photo]) -> int:
 
 
 def _followed(
-    pictures: Pictures, cameras: Sequence[Camera], factor: int, blocks: int, pair: tuple[int, int]
+    pictures: Pictures, cameras: Sequence[Camera], factor: int, corners: Mapping[int, Floats], pair: tuple[int, int]
 ) -> ControlPoints:
     """Corners of one photo, and where dense flow leads them in the other."""
     i, j = pair
     grey_i, grey_j = pictures.read(i, factor), pictures.read(j, factor)
     small_i, small_j = (cameras[n].scaled((g.shape[1], g.shape[0])) for n, g in ((i, grey_i), (j, grey_j)))
-    corners = _corners(grey_i, DENSER * blocks, smallest=SMALLEST_FLOW_BLOCK)
-    here, there = followed(corners.astype(int), small_i, small_j, grey_i, grey_j)
+    here, there = followed(corners[i].astype(int), small_i, small_j, grey_i, grey_j)
     up_i, up_j = (np.array(cameras[n].size) / small.size for n, small in ((i, small_i), (j, small_j)))
     return ControlPoints(i, j, rescale(here, up_i), rescale(there, up_j))
 
 
 def _measured(
-    pictures: Pictures, cameras: Sequence[Camera], factor: int, blocks: int, pair: tuple[int, int]
+    pictures: Pictures, cameras: Sequence[Camera], factor: int, corners: Mapping[int, Floats], pair: tuple[int, int]
 ) -> ControlPoints:
     """Corners of one photo, and where their patches are in the other."""
     i, j = pair
     grey = pictures.read(i, factor)
     size = (grey.shape[1], grey.shape[0])
-    corners = rescale(_corners(grey, blocks, smallest=SMALLEST_BLOCK), np.array(cameras[i].size) / size)
-    there = cameras[j].project(cameras[i].rays(corners))
+    here = rescale(corners[i], np.array(cameras[i].size) / size)
+    there = cameras[j].project(cameras[i].rays(here))
     margin = (HALF + BORDER) * factor
     with np.errstate(invalid="ignore"):
         seen = ((there >= margin) & (there <= np.array(cameras[j].size) - 1 - margin)).all(1)
-    _, points = measured(pictures, cameras, ControlPoints(i, j, corners[seen], there[seen]), factor, WAY * factor)
+    _, points = measured(pictures, cameras, ControlPoints(i, j, here[seen], there[seen]), factor, WAY * factor)
     return points
 
 
-def _corners(grey: NDArray[np.uint8], blocks: int, *, smallest: int) -> Floats:
-    """Pixels (n, 2): the best corner of each block; no side of a block is below `smallest` px."""
+def _corners(pictures: Pictures, factor: int, blocks: int, smallest: int, index: int) -> Floats:
+    """Pixels (n, 2) of a reduced photo: the best corner of each block; no side of a block is below `smallest` px."""
+    grey = pictures.read(index, factor)
     height, width = grey.shape
     side = max(smallest, round(float(np.sqrt(height * width / blocks))))
     strength = cv2.cornerMinEigenVal(grey.astype(np.float32), CORNER)
