@@ -63,14 +63,17 @@ def elastic(
     held: list[ControlPoints] = []
     factors = _factors(photos)
     looks = [(_followed, factors[0])] * FLOWS + [(_measured, factor) for factor in factors]
-    firsts = sorted({pair.i for pair in points})
     for n, (look, factor) in enumerate(looks):
-        if 0 < n < FLOWS and _within_reach(bent, WAY * factor):
+        again = 0 < n < FLOWS
+        pairs = [pair for pair in known if not again or _shift(cameras, bent, pair) >= WAY * factor]
+        if not pairs:
             continue
         dense = (DENSER * blocks, SMALLEST_FLOW_BLOCK) if look is _followed else (blocks, SMALLEST_BLOCK)
+        firsts = sorted({pair.i for pair in pairs})
         corners = run.map(partial(_corners, pictures, factor, *dense), firsts, label="Finding corners")
         work = partial(look, pictures, bent, factor, dict(zip(firsts, corners, strict=True)))
-        found = run.map(work, [(pair.i, pair.j) for pair in known], label="Measuring parallax")
+        new = run.map(work, [(pair.i, pair.j) for pair in pairs], label="Measuring parallax")
+        found = {(pair.i, pair.j): pair for pair in (*known, *new)}.values()
         sound = [agreeing(bent, pair) for pair in found]
         held = [pair.take(_held_back(cameras, pair)) for pair in sound]
         known = [_completed(cameras, new, old) for new, old in zip(sound, known, strict=True)]
@@ -176,9 +179,15 @@ def _judged(cameras: Sequence[Camera], bent: Sequence[Camera], held: Sequence[Co
     return LocalWarp(clear and len(before) >= FEWEST_JUDGES, len(before), error, median, bent_error, bent_median)
 
 
-def _within_reach(bent: Sequence[Camera], way: float) -> bool:
-    """Whether patches that are sought on a way of so many px are found without more ado."""
-    return all(camera.mesh is None or camera.mesh.largest < way for camera in bent)
+def _shift(cameras: Sequence[Camera], bent: Sequence[Camera], points: ControlPoints) -> float:
+    """Px by which the meshes shift the photos of a pair against each other, at most, where they lie on each other."""
+    one, other = cameras[points.i], cameras[points.j]
+    across, down = (np.linspace(0, n - 1, LATTICE) for n in one.size)
+    xy = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
+    before, after = other.project(one.rays(xy)), bent[points.j].project(bent[points.i].rays(xy))
+    with np.errstate(invalid="ignore"):
+        seen = [((there >= 0) & (there <= np.array(other.size) - 1)).all(1) for there in (before, after)]
+    return float(np.linalg.norm(after - before, axis=1)[seen[0] | seen[1]].max(initial=0.0))
 
 
 def _hopeless(warp: LocalWarp) -> bool:
