@@ -6,7 +6,7 @@ it, the ground at one's feet. Then corners all over the overlaps are measured in
 finer photos are looked at. Cells all over the photos are held back from that, and judge.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 
 import cv2
@@ -29,6 +29,7 @@ from panostitch.model.photo import Photo
 from panostitch.runtime.executor import Executor
 
 Floats = NDArray[np.float64]
+Look = Callable[[Pictures, Sequence[Camera], int, Mapping[int, Floats], tuple[int, int]], ControlPoints]
 
 COARSEST, FINEST = 240, 1600  # px of the photos' longer side
 FLOWS = 2  # times that flow is followed: what was out of its reach, the meshes may have brought nearer
@@ -64,15 +65,10 @@ def elastic(
     factors = _factors(photos)
     looks = [(_followed, factors[0])] * FLOWS + [(_measured, factor) for factor in factors]
     for n, (look, factor) in enumerate(looks):
-        again = 0 < n < FLOWS
-        pairs = [pair for pair in known if not again or _shift(cameras, bent, pair) >= WAY * factor]
+        pairs = [pair for pair in known if not 0 < n < FLOWS or relative_shift(cameras, bent, pair) >= WAY * factor]
         if not pairs:
             continue
-        dense = (DENSER * blocks, SMALLEST_FLOW_BLOCK) if look is _followed else (blocks, SMALLEST_BLOCK)
-        firsts = sorted({pair.i for pair in pairs})
-        corners = run.map(partial(_corners, pictures, factor, *dense), firsts, label="Finding corners")
-        work = partial(look, pictures, bent, factor, dict(zip(firsts, corners, strict=True)))
-        new = run.map(work, [(pair.i, pair.j) for pair in pairs], label="Measuring parallax")
+        new = _looked(look, pictures, bent, factor, blocks, [(pair.i, pair.j) for pair in pairs], run=run)
         found = {(pair.i, pair.j): pair for pair in (*known, *new)}.values()
         sound = [agreeing(bent, pair) for pair in found]
         held = [pair.take(_held_back(cameras, pair)) for pair in sound]
@@ -95,6 +91,24 @@ def _factors(photos: Sequence[Photo]) -> list[int]:
 def _cells_for(photos: Sequence[Photo]) -> int:
     """Cells along a photo: as many as can be solved for in a few seconds."""
     return int(np.clip(CELLS * np.sqrt(FEW / len(photos)), FEWEST_CELLS, CELLS))
+
+
+def _looked(
+    look: Look,
+    pictures: Pictures,
+    cameras: Sequence[Camera],
+    factor: int,
+    blocks: int,
+    pairs: Sequence[tuple[int, int]],
+    *,
+    run: Executor,
+) -> Iterator[ControlPoints]:
+    """What is found in each pair, of the corners of its first photo."""
+    dense = (DENSER * blocks, SMALLEST_FLOW_BLOCK) if look is _followed else (blocks, SMALLEST_BLOCK)
+    firsts = sorted({i for i, _ in pairs})
+    corners = run.map(partial(_corners, pictures, factor, *dense), firsts, label="Finding corners")
+    work = partial(look, pictures, cameras, factor, dict(zip(firsts, corners, strict=True)))
+    return run.map(work, pairs, label="Measuring parallax")
 
 
 def _followed(
@@ -179,7 +193,7 @@ def _judged(cameras: Sequence[Camera], bent: Sequence[Camera], held: Sequence[Co
     return LocalWarp(clear and len(before) >= FEWEST_JUDGES, len(before), error, median, bent_error, bent_median)
 
 
-def _shift(cameras: Sequence[Camera], bent: Sequence[Camera], points: ControlPoints) -> float:
+def relative_shift(cameras: Sequence[Camera], bent: Sequence[Camera], points: ControlPoints) -> float:
     """Px by which the meshes shift the photos of a pair against each other, at most, where they lie on each other."""
     one, other = cameras[points.i], cameras[points.j]
     across, down = (np.linspace(0, n - 1, LATTICE) for n in one.size)
