@@ -65,11 +65,11 @@ def elastic(
     factors = _factors(photos)
     looks = [(_followed, factors[0])] * FLOWS + [(_measured, factor) for factor in factors]
     for n, (look, factor) in enumerate(looks):
-        pairs = [pair for pair in known if not 0 < n < FLOWS or relative_shift(cameras, bent, pair) >= WAY * factor]
-        if not pairs:
+        sought = [pair for pair in known if not 0 < n < FLOWS or relative_shift(cameras, bent, pair) >= WAY * factor]
+        if not sought:
             continue
-        new = _looked(look, pictures, bent, factor, blocks, [(pair.i, pair.j) for pair in pairs], run=run)
-        found = {(pair.i, pair.j): pair for pair in (*known, *new)}.values()
+        seen = _looked(look, pictures, bent, factor, blocks, [(pair.i, pair.j) for pair in sought], run=run)
+        found = {(pair.i, pair.j): pair for pair in (*known, *seen)}.values()
         sound = [agreeing(bent, pair) for pair in found]
         held = [pair.take(_held_back(cameras, pair)) for pair in sound]
         known = [_completed(cameras, new, old) for new, old in zip(sound, known, strict=True)]

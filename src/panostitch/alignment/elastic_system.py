@@ -94,7 +94,7 @@ def _nearly(meshes: Sequence[Mesh], rows: csr_array, weight: Floats, prior: csr_
     and all photos together, but stiff (a coarse grid).
 
     The factors of all photos together fill up, where many lie over one place. The blocks alone know nothing of what
-    costs nearly nothing, photos that go the same way together, and conjugate gradients take five times as many steps.
+    costs next to nothing, photos that go the same way together: up to five times as many steps.
     Dryja & Widlund, "An additive variant of the Schwarz alternating method for the case of many subregions", 1987.
     """
     columns, scaled = csc_array(rows), csc_array(diags_array(weight) @ rows)
