@@ -6,7 +6,7 @@ it, the ground at one's feet. Then corners all over the overlaps are measured in
 finer photos are looked at. Cells all over the photos are held back from that, and judge.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 
 import cv2
@@ -29,6 +29,7 @@ from panostitch.model.photo import Photo
 from panostitch.runtime.executor import Executor
 
 Floats = NDArray[np.float64]
+Look = Callable[[Pictures, Sequence[Camera], int, Mapping[int, Floats], tuple[int, int]], ControlPoints]
 
 COARSEST, FINEST = 240, 1600  # px of the photos' longer side
 FLOWS = 2  # times that flow is followed: what was out of its reach, the meshes may have brought nearer
@@ -64,10 +65,11 @@ def elastic(
     factors = _factors(photos)
     looks = [(_followed, factors[0])] * FLOWS + [(_measured, factor) for factor in factors]
     for n, (look, factor) in enumerate(looks):
-        if 0 < n < FLOWS and _within_reach(bent, WAY * factor):
+        sought = [pair for pair in known if not 0 < n < FLOWS or relative_shift(cameras, bent, pair) >= WAY * factor]
+        if not sought:
             continue
-        work = partial(look, pictures, bent, factor, blocks)
-        found = run.map(work, [(pair.i, pair.j) for pair in known], label="Measuring parallax")
+        seen = _looked(look, pictures, bent, factor, blocks, [(pair.i, pair.j) for pair in sought], run=run)
+        found = {(pair.i, pair.j): pair for pair in (*known, *seen)}.values()
         sound = [agreeing(bent, pair) for pair in found]
         held = [pair.take(_held_back(cameras, pair)) for pair in sound]
         known = [_completed(cameras, new, old) for new, old in zip(sound, known, strict=True)]
@@ -91,37 +93,55 @@ def _cells_for(photos: Sequence[Photo]) -> int:
     return int(np.clip(CELLS * np.sqrt(FEW / len(photos)), FEWEST_CELLS, CELLS))
 
 
+def _looked(
+    look: Look,
+    pictures: Pictures,
+    cameras: Sequence[Camera],
+    factor: int,
+    blocks: int,
+    pairs: Sequence[tuple[int, int]],
+    *,
+    run: Executor,
+) -> Iterator[ControlPoints]:
+    """What is found in each pair, of the corners of its first photo."""
+    dense = (DENSER * blocks, SMALLEST_FLOW_BLOCK) if look is _followed else (blocks, SMALLEST_BLOCK)
+    firsts = sorted({i for i, _ in pairs})
+    corners = run.map(partial(_corners, pictures, factor, *dense), firsts, label="Finding corners")
+    work = partial(look, pictures, cameras, factor, dict(zip(firsts, corners, strict=True)))
+    return run.map(work, pairs, label="Measuring parallax")
+
+
 def _followed(
-    pictures: Pictures, cameras: Sequence[Camera], factor: int, blocks: int, pair: tuple[int, int]
+    pictures: Pictures, cameras: Sequence[Camera], factor: int, corners: Mapping[int, Floats], pair: tuple[int, int]
 ) -> ControlPoints:
     """Corners of one photo, and where dense flow leads them in the other."""
     i, j = pair
     grey_i, grey_j = pictures.read(i, factor), pictures.read(j, factor)
     small_i, small_j = (cameras[n].scaled((g.shape[1], g.shape[0])) for n, g in ((i, grey_i), (j, grey_j)))
-    corners = _corners(grey_i, DENSER * blocks, smallest=SMALLEST_FLOW_BLOCK)
-    here, there = followed(corners.astype(int), small_i, small_j, grey_i, grey_j)
+    here, there = followed(corners[i].astype(int), small_i, small_j, grey_i, grey_j)
     up_i, up_j = (np.array(cameras[n].size) / small.size for n, small in ((i, small_i), (j, small_j)))
     return ControlPoints(i, j, rescale(here, up_i), rescale(there, up_j))
 
 
 def _measured(
-    pictures: Pictures, cameras: Sequence[Camera], factor: int, blocks: int, pair: tuple[int, int]
+    pictures: Pictures, cameras: Sequence[Camera], factor: int, corners: Mapping[int, Floats], pair: tuple[int, int]
 ) -> ControlPoints:
     """Corners of one photo, and where their patches are in the other."""
     i, j = pair
     grey = pictures.read(i, factor)
     size = (grey.shape[1], grey.shape[0])
-    corners = rescale(_corners(grey, blocks, smallest=SMALLEST_BLOCK), np.array(cameras[i].size) / size)
-    there = cameras[j].project(cameras[i].rays(corners))
+    here = rescale(corners[i], np.array(cameras[i].size) / size)
+    there = cameras[j].project(cameras[i].rays(here))
     margin = (HALF + BORDER) * factor
     with np.errstate(invalid="ignore"):
         seen = ((there >= margin) & (there <= np.array(cameras[j].size) - 1 - margin)).all(1)
-    _, points = measured(pictures, cameras, ControlPoints(i, j, corners[seen], there[seen]), factor, WAY * factor)
+    _, points = measured(pictures, cameras, ControlPoints(i, j, here[seen], there[seen]), factor, WAY * factor)
     return points
 
 
-def _corners(grey: NDArray[np.uint8], blocks: int, *, smallest: int) -> Floats:
-    """Pixels (n, 2): the best corner of each block; no side of a block is below `smallest` px."""
+def _corners(pictures: Pictures, factor: int, blocks: int, smallest: int, index: int) -> Floats:
+    """Pixels (n, 2) of a reduced photo: the best corner of each block; no side of a block is below `smallest` px."""
+    grey = pictures.read(index, factor)
     height, width = grey.shape
     side = max(smallest, round(float(np.sqrt(height * width / blocks))))
     strength = cv2.cornerMinEigenVal(grey.astype(np.float32), CORNER)
@@ -173,9 +193,15 @@ def _judged(cameras: Sequence[Camera], bent: Sequence[Camera], held: Sequence[Co
     return LocalWarp(clear and len(before) >= FEWEST_JUDGES, len(before), error, median, bent_error, bent_median)
 
 
-def _within_reach(bent: Sequence[Camera], way: float) -> bool:
-    """Whether patches that are sought on a way of so many px are found without more ado."""
-    return all(camera.mesh is None or camera.mesh.largest < way for camera in bent)
+def relative_shift(cameras: Sequence[Camera], bent: Sequence[Camera], points: ControlPoints) -> float:
+    """Px by which the meshes shift the photos of a pair against each other, at most, where they lie on each other."""
+    one, other = cameras[points.i], cameras[points.j]
+    across, down = (np.linspace(0, n - 1, LATTICE) for n in one.size)
+    xy = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
+    before, after = other.project(one.rays(xy)), bent[points.j].project(bent[points.i].rays(xy))
+    with np.errstate(invalid="ignore"):
+        seen = [((there >= 0) & (there <= np.array(other.size) - 1)).all(1) for there in (before, after)]
+    return float(np.linalg.norm(after - before, axis=1)[seen[0] | seen[1]].max(initial=0.0))
 
 
 def _hopeless(warp: LocalWarp) -> bool:

@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import block_diag, csc_array, csr_array, diags_array, eye_array, hstack, kron
-from scipy.sparse.linalg import LinearOperator, cg, splu
+from scipy.sparse.linalg import LinearOperator, SuperLU, cg, splu
 
 from panostitch.model.camera import Camera
 from panostitch.model.match import ControlPoints
@@ -34,6 +34,7 @@ EXACT, MOST_STEPS = 3e-4, 200  # of the conjugate gradients: share of the right 
 LARGEST = 0.06  # of the photo's longer side: the most that a photo is displaced
 TAMED = 0.99  # times the steepest that a mesh may be: from here on it would have been steeper
 STIFFER = 4.0  # times, where a mesh would be steeper than it may be
+STIFF_CELLS = 4  # along a photo, of the coarse grid on which all photos are solved together to precondition with
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,7 @@ def _solved(
         weighted = rows.T @ diags_array(weight)
         normal = LinearOperator(prior.shape, lambda x, w=weighted, r=rows: w @ (r @ x) + prior @ x, dtype=np.float64)
         # only the weights change from round to round: what helped in the first helps in the others
-        nearly = nearly or _each_alone(meshes, rows, weight, prior)
+        nearly = nearly or _nearly(meshes, rows, weight, prior)
         solution, _ = cg(normal, weighted @ target, x0=solution, rtol=EXACT, maxiter=MOST_STEPS, M=nearly)
         meshes = _displaced(meshes, solution)
         solution = np.concatenate([mesh.nodes.transpose(2, 0, 1).ravel() for mesh in meshes])
@@ -88,23 +89,45 @@ def _solved(
     return tuple(replace(camera, mesh=mesh) for camera, mesh in zip(cameras, meshes, strict=True))
 
 
-def _each_alone(meshes: Sequence[Mesh], rows: csr_array, weight: Floats, prior: csr_array) -> LinearOperator:
-    """The solution if the other photos stood still, for each photo: block Jacobi, to precondition with.
+def _nearly(meshes: Sequence[Mesh], rows: csr_array, weight: Floats, prior: csr_array) -> LinearOperator:
+    """About the inverse of the system, to precondition with: each photo as if the others stood still (block Jacobi),
+    and all photos together, but stiff (a coarse grid).
 
-    The factors of all photos together fill up, where many lie over one place, and take most of the time.
+    The factors of all photos together fill up, where many lie over one place. The blocks alone know nothing of what
+    costs next to nothing, photos that go the same way together: up to five times as many steps.
+    Dryja & Widlund, "An additive variant of the Schwarz alternating method for the case of many subregions", 1987.
     """
     columns, scaled = csc_array(rows), csc_array(diags_array(weight) @ rows)
     ends = np.cumsum([0, *(mesh.nodes.size for mesh in meshes)])
     places = [slice(first, behind) for first, behind in pairwise(ends)]
-    alone = [
-        splu(csc_array(columns[:, own].T @ scaled[:, own] + prior[own, own]), permc_spec="MMD_AT_PLUS_A")
-        for own in places
-    ]
+    alone = [_factors(columns[:, own].T @ scaled[:, own] + prior[own, own]) for own in places]
+    stiff = csr_array(block_diag([_stiff(*mesh.nodes.shape[:2]) for mesh in meshes for _ in "xy"]))
+    coarse = csr_array(rows @ stiff)
+    together = _factors(coarse.T @ (diags_array(weight) @ coarse) + stiff.T @ (prior @ stiff))
 
     def solve(x: Floats) -> Floats:
-        return np.concatenate([factors.solve(x[own]) for factors, own in zip(alone, places, strict=True)])
+        apart = np.concatenate([factors.solve(x[own]) for factors, own in zip(alone, places, strict=True)])
+        return np.asarray(apart + stiff @ together.solve(stiff.T @ x))
 
     return LinearOperator(prior.shape, solve, dtype=np.float64)
+
+
+def _factors(matrix: csr_array) -> SuperLU:
+    """Of a symmetric matrix."""
+    return splu(csc_array(matrix), permc_spec="MMD_AT_PLUS_A")
+
+
+@lru_cache(maxsize=8)
+def _stiff(rows: int, columns: int) -> csr_array:
+    """The nodes (rows * columns, fewer) of a mesh that only a few of them move, the others between these."""
+    cell = max(rows, columns) / STIFF_CELLS
+    return csr_array(kron(*(_between(count, max(1, round(count / cell))) for count in (rows, columns))))
+
+
+def _between(count: int, cells: int) -> csr_array:
+    """Weights (count, cells + 1) by which the ends of equal cells move so many nodes: linear interpolation."""
+    place = np.linspace(0, cells, count)[:, None]
+    return csr_array(np.maximum(0, 1 - np.abs(place - np.arange(cells + 1))))
 
 
 def _straightened(meshes: Sequence[Mesh], points: ControlPoints, q_i: Floats, q_j: Floats) -> tuple[Floats, Floats]:
