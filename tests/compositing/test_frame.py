@@ -215,7 +215,7 @@ def test_a_field_that_is_full_is_not_cut_for_its_size():
     assert plan.covered
 
 
-@pytest.mark.parametrize(("megapixels", "factor"), [(0.4, 1), (16, 8), (250, 16), (500, 16), (1500, 32), (9000, 64)])
+@pytest.mark.parametrize(("megapixels", "factor"), [(0.4, 1), (16, 8), (250, 16), (1100, 16), (1500, 32), (9000, 64)])
 def test_the_plan_of_a_huge_canvas_is_finer(megapixels, factor):
     side = round(np.sqrt(megapixels * 1e6))
 

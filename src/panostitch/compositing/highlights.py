@@ -16,7 +16,7 @@ from panostitch.compositing.burnt import read_at
 from panostitch.compositing.light import WHITE, expose, given_back, with_fall_off
 from panostitch.compositing.overlaps import Pieces, that_touch
 from panostitch.model.canvas import Layer, Region
-from panostitch.model.light import Light
+from panostitch.model.light import Light, radius_square
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
@@ -36,21 +36,20 @@ class Sight:
 
     size:   (width, height) px of the photo
     burnt:  how far it is burnt, a coarse map; None if nowhere
-    pieces: the region of each, the px of the photo (h, w, 2) that it shows there, and the squares (h, w) of their radii
+    pieces: the region of each, and the px of the photo (h, w, 2) that it shows there
     """
 
     size: tuple[int, int]
     burnt: Floats | None
-    pieces: tuple[tuple[Region, Floats, Floats], ...]
+    pieces: tuple[tuple[Region, Floats], ...]
 
     def xy(self, region: Region) -> Floats:
         """Px of the photo (h, w, 2) in a region of one piece."""
-        return next(xy[region.within(place)] for place, xy, _ in self.pieces if place & region == region)
+        return next(xy[region.within(place)] for place, xy in self.pieces if place & region == region)
 
     def square(self, region: Region) -> Doubles:
         """Squares (h, w) of the radii in a region of one piece."""
-        square = next(square[region.within(place)] for place, _, square in self.pieces if place & region == region)
-        return np.asarray(square, np.float64)
+        return radius_square(self.xy(region).astype(np.float64), self.size)
 
     def cells(self, region: Region, shape: tuple[int, ...]) -> NDArray[np.intp]:
         """Numbers (h, w), row by row, of the cells of a coarse map in a region of one piece."""

@@ -20,11 +20,12 @@ from panostitch.errors import AlignmentError, UsageError
 from panostitch.model.alignment import Alignment
 from panostitch.model.camera import Camera
 from panostitch.model.canvas import Canvas, Layer, Region
-from panostitch.model.light import Light, radius_square
+from panostitch.model.light import Light
 from panostitch.model.panorama import NOBODY, Plan
 from panostitch.model.photo import lens_groups
 from panostitch.options import CompositingOptions
 from panostitch.runtime.executor import Executor, serial
+from panostitch.runtime.memory import give_back
 from panostitch.runtime.trace import Trace, silent
 
 Placed = list[tuple[int, Layer]]
@@ -32,7 +33,7 @@ Placed = list[tuple[int, Layer]]
 PLAN_PIXELS = (
     0.5e6  # of the reduced canvas: seams to a few pixels, in little time; with twice as many they are no better
 )
-LARGE_PLAN = 2.0e6  # of that of a huge canvas: it takes memory, but tiles with seams need narrower halos
+LARGE_PLAN = 4.5e6  # of that of a huge canvas: it takes memory, but tiles with seams need narrower halos
 LARGE_FROM = 16  # times smaller
 MAX_FACTOR = 64
 
@@ -62,7 +63,9 @@ def make_plan(
     factor = reduction(canvas)
     small = canvas.reduced(factor)
     light, exposed, unexposed = _lit(alignment, small, options, run, trace)
+    give_back()  # of a huge canvas each step takes hundreds of MB
     labels = SEAMS[options.seams](small, exposed)
+    give_back()
     covered = labels != NOBODY
     extended = extend(labels)
     owned = [_piece(n, layer, extended, small.region) for n, layer in exposed]
@@ -146,8 +149,7 @@ def _warp_one(
     """The pieces of a photo, and where they see it."""
     raster, camera = read_for(alignment.photos[n], alignment.cameras[n], small)
     found = [warp_and_place(raster, camera, small, region, interpolation=cv2.INTER_LINEAR) for region in places[n]]
-    squares = (np.asarray(radius_square(xy.astype(np.float64), camera.size), np.float32) for _, xy in found)
-    seen = tuple((layer.region, xy, square) for (layer, xy), square in zip(found, squares, strict=True))
+    seen = tuple((layer.region, xy) for layer, xy in found)
     return [layer for layer, _ in found], Sight(camera.size, burnt_map(raster[0]), seen)
 
 
