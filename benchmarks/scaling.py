@@ -162,8 +162,8 @@ def page(rows: Sequence[Row], sizes: str, threads: int) -> str:
         )
     lines += [
         "",
-        "A small panorama spends most of its time on the plan, whose picture is nearly as large. Of one that is many",
-        "times larger than its plan, pieces with seams need wide margins, and take longer.",
+        "A small panorama spends most of its time on the plan, above all on the seams, which take much the same time",
+        "however small it is.",
     ]
     return "\n".join(lines) + "\n"
 
