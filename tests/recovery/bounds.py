@@ -39,9 +39,9 @@ GAINS_LEFT = 0.3
 def quick(**options) -> Options:
     """Options under which small photos are searched at their own size, which is quicker than enlarged.
 
-    Key points stay where they were found, and no second attempt is made: both would hide most damages.
+    Key points stay where they were found, no second attempt is made, and nothing is bent: all that would hide damages.
     """
-    plain = {"refine": "none", "retries": "none"}
+    plain = {"refine": "none", "retries": "none", "local_warp": "none"}
     return Options.of(**{"work_megapixels": 0.12, "max_features": 2000, **plain, **options})
 
 
