@@ -26,6 +26,7 @@ START = "Python and libraries"
 REST = "all else"
 _modules: Any = sys.modules
 COMPOSE, PLAN = (vars(_modules[function.__module__]) for function in (compose, make_plan))
+BLENDER = vars(BLENDERS["multiband"])
 
 # What is said of a stage, where its function is looked up, and its name there
 STAGES: list[tuple[str, MutableMapping[str, Any], str]] = [
@@ -40,8 +41,10 @@ STAGES: list[tuple[str, MutableMapping[str, Any], str]] = [
     ("plan: all else", vars(pipeline), "make_plan"),
     ("sampling", COMPOSE, "sample"),
     ("light", COMPOSE, "expose"),
-    ("bands at seams", vars(multiband), "join"),
-    ("change of the low bands", vars(multiband), "alone"),
+    ("bands at seams", BLENDER, "join"),
+    ("change of the low bands", BLENDER, "alone"),
+    ("change of the low bands", vars(multiband), "alone"),  # as `join` calls it
+    ("plan: low bands", BLENDER, "blend_reduced"),
     ("tiles: all else", vars(rendering), "read_tile"),
     ("putting tiles together", vars(writers), "encode_panorama"),
     ("encoding", vars(writers), "_encoded"),
@@ -79,9 +82,6 @@ def main() -> int:
     clock.spent[START] = time.process_time()
     for stage, holder, name in STAGES:
         holder[name] = clock.timed(stage, holder[name])
-    blend = BLENDERS["multiband"]
-    vars(blend).update(join=multiband.join, alone=clock.timed("change of the low bands", blend.alone))
-    vars(blend).update(blend_reduced=clock.timed("plan: low bands", blend.blend_reduced))
     *photos, output = sys.argv[1:]
     code = run([*photos, "-o", output, "--crop", "none", "--overwrite", "--quiet", "--threads", "1"])
     clock.spent[REST] = time.process_time() - sum(clock.spent.values())

@@ -6,7 +6,7 @@ it, the ground at one's feet. Then corners all over the overlaps are measured in
 finer photos are looked at. Cells all over the photos are held back from that, and judge.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import cv2
@@ -63,12 +63,16 @@ def elastic(
     bent = tuple(cameras)
     held: list[ControlPoints] = []
     factors = _factors(photos)
-    looks = [(_followed, factors[0])] * FLOWS + [(_measured, factor) for factor in factors]
-    for n, (look, factor) in enumerate(looks):
+    looks: list[tuple[Look, int, int, int]] = [(_followed, factors[0], DENSER * blocks, SMALLEST_FLOW_BLOCK)] * FLOWS
+    looks += [(_measured, factor, blocks, SMALLEST_BLOCK) for factor in factors]
+    for n, (look, factor, count, smallest) in enumerate(looks):
         sought = [pair for pair in known if not 0 < n < FLOWS or relative_shift(cameras, bent, pair) >= WAY * factor]
         if not sought:
             continue
-        seen = _looked(look, pictures, bent, factor, blocks, [(pair.i, pair.j) for pair in sought], run=run)
+        firsts = sorted({pair.i for pair in sought})
+        corners = run.map(partial(_corners, pictures, factor, count, smallest), firsts, label="Finding corners")
+        work = partial(look, pictures, bent, factor, dict(zip(firsts, corners, strict=True)))
+        seen = run.map(work, [(pair.i, pair.j) for pair in sought], label="Measuring parallax")
         found = {(pair.i, pair.j): pair for pair in (*known, *seen)}.values()
         sound = [agreeing(bent, pair) for pair in found]
         held = [pair.take(_held_back(cameras, pair)) for pair in sound]
@@ -91,24 +95,6 @@ def _factors(photos: Sequence[Photo]) -> list[int]:
 def _cells_for(photos: Sequence[Photo]) -> int:
     """Cells along a photo: as many as can be solved for in a few seconds."""
     return int(np.clip(CELLS * np.sqrt(FEW / len(photos)), FEWEST_CELLS, CELLS))
-
-
-def _looked(
-    look: Look,
-    pictures: Pictures,
-    cameras: Sequence[Camera],
-    factor: int,
-    blocks: int,
-    pairs: Sequence[tuple[int, int]],
-    *,
-    run: Executor,
-) -> Iterator[ControlPoints]:
-    """What is found in each pair, of the corners of its first photo."""
-    dense = (DENSER * blocks, SMALLEST_FLOW_BLOCK) if look is _followed else (blocks, SMALLEST_BLOCK)
-    firsts = sorted({i for i, _ in pairs})
-    corners = run.map(partial(_corners, pictures, factor, *dense), firsts, label="Finding corners")
-    work = partial(look, pictures, cameras, factor, dict(zip(firsts, corners, strict=True)))
-    return run.map(work, pairs, label="Measuring parallax")
 
 
 def _followed(

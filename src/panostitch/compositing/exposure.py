@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from panostitch.compositing import photometry
-from panostitch.compositing.overlaps import BRIGHT, Overlaps, Pieces, Squares, find_overlaps
+from panostitch.compositing.overlaps import BRIGHT, WHITE, Overlaps, Pieces, Squares, find_overlaps
 from panostitch.compositing.photometry import Fit
 from panostitch.model.canvas import Layer
 from panostitch.model.light import GAMMA, Light, unchanged
@@ -21,7 +21,6 @@ SEEN_COLOUR = 0.012  # of the log ratio of a channel to the others between two p
 EXPLAINED = 0.5  # share of these differences of colour that gains of the channels must explain
 OUTLYING = 3.0  # standard deviations from which on errors count alike when halves are compared
 EVERY = 4  # px of the reduced canvas between those that are looked at for the brightness of the whole
-WHITE = 255.0
 BLOWN = 0.01  # share of the pixels that gains may drive beyond white before the whole is darkened
 MOST_DARKENED = 0.08  # of the log of the encoded brightness: a quarter of a stop of linear light
 

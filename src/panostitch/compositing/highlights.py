@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from panostitch.compositing.burnt import read_at
-from panostitch.compositing.light import WHITE, expose, given_back, with_fall_off
-from panostitch.compositing.overlaps import Pieces, that_touch
+from panostitch.compositing.light import expose, given_back, with_fall_off
+from panostitch.compositing.overlaps import WHITE, Pieces, that_touch
 from panostitch.model.canvas import Layer, Region
 from panostitch.model.light import Light, radius_square
 
@@ -31,7 +31,7 @@ DARKER = 0.98  # a photo that is darkened by less does not show where its white 
 
 
 @dataclass(frozen=True)
-class Sight:
+class Seen:
     """Where the pieces of a photo on the reduced canvas see it.
 
     size:   (width, height) px of the photo
@@ -59,12 +59,12 @@ class Sight:
         return np.asarray(y * columns + x)
 
 
-def expose_all(light: Light, pieces: Pieces, sights: Sequence[Sight]) -> tuple[Light, list[tuple[int, Layer]]]:
+def expose_all(light: Light, pieces: Pieces, views: Sequence[Seen]) -> tuple[Light, list[tuple[int, Layer]]]:
     """The light with what it spares of the photos, and the pieces in it.
 
     From the photo that was exposed for the least to the one that was for the most: each learns from those before it.
     """
-    spared: list[Floats | None] = [None] * len(sights)
+    spared: list[Floats | None] = [None] * len(views)
     exposed: dict[int, Layer] = {}
     near: dict[int, list[int]] = {}
     for a, b in that_touch([layer.region for _, layer in pieces]):
@@ -72,35 +72,33 @@ def expose_all(light: Light, pieces: Pieces, sights: Sequence[Sight]) -> tuple[L
         near.setdefault(b, []).append(a)
     for photo in np.argsort(-light.brightness, kind="stable").tolist():
         own = [number for number, (n, _) in enumerate(pieces) if n == photo]
-        burnt, sight = sights[photo].burnt, sights[photo]
+        burnt, seen = views[photo].burnt, views[photo]
         if burnt is not None and light.gains[photo].min() < DARKER:
             others = {number: [exposed[n] for n in near.get(number, ()) if n in exposed] for number in own}
-            told = [
-                part for n, some in others.items() for part in _told(photo, pieces[n][1], light, sight, burnt, some)
-            ]
+            told = [part for n, some in others.items() for part in _told(photo, pieces[n][1], light, seen, burnt, some)]
             spared[photo] = burnt[..., None] * _spread(told, burnt.shape)
         for number in own:
-            exposed[number] = _exposed(photo, pieces[number][1], light, sight, spared[photo])
+            exposed[number] = _exposed(photo, pieces[number][1], light, seen, spared[photo])
     return replace(light, spared=tuple(spared)), [(n, exposed[number]) for number, (n, _) in enumerate(pieces)]
 
 
-def _exposed(photo: int, layer: Layer, light: Light, sight: Sight, spared: Floats | None) -> Layer:
-    around = None if spared is None else read_at(spared, sight.xy(layer.region), sight.size)
-    return Layer(layer.region, expose(layer.pixels, _factor(photo, layer.region, light, sight), around), layer.mask)
+def _exposed(photo: int, layer: Layer, light: Light, seen: Seen, spared: Floats | None) -> Layer:
+    around = None if spared is None else read_at(spared, seen.xy(layer.region), seen.size)
+    return Layer(layer.region, expose(layer.pixels, _factor(photo, layer.region, light, seen), around), layer.mask)
 
 
-def _factor(photo: int, region: Region, light: Light, sight: Sight) -> Floats:
+def _factor(photo: int, region: Region, light: Light, seen: Seen) -> Floats:
     """What to multiply a photo by: (h, w, 3), or (3,) where there is no fall-off.
 
     Not on the coarse grid of `light.factors`: on the reduced canvas a photo may be no larger than a few of its blocks.
     """
     if light.has_fall_off(photo):
-        return with_fall_off(light, photo, sight.square(region))
+        return with_fall_off(light, photo, seen.square(region))
     return np.asarray(light.gains[photo], np.float32)
 
 
 def _told(
-    photo: int, own: Layer, light: Light, sight: Sight, burnt: Floats, others: Sequence[Layer]
+    photo: int, own: Layer, light: Light, seen: Seen, burnt: Floats, others: Sequence[Layer]
 ) -> Iterator[tuple[NDArray[np.intp], Floats, Floats]]:
     """What other photos say of the bright pixels of a piece, around what is burnt.
 
@@ -111,16 +109,16 @@ def _told(
         common = own.region & other.region
         pixels, aims = (layer.pixels[common.within(layer.region)] for layer in (own, other))
         both = own.mask[common.within(own.region)] & other.mask[common.within(other.region)]
-        near = both & (read_at(burnt, sight.xy(common), sight.size) > 0.5)
+        near = both & (read_at(burnt, seen.xy(common), seen.size) > 0.5)
         if not near.any():
             continue
-        factor = _factor(photo, common, light, sight)
+        factor = _factor(photo, common, light, seen)
         plain, room = pixels * factor, given_back(pixels, factor)
         same = near & (aims.mean(2) > ALIKE * plain.mean(2))
         # where all around is as bright: at edges of what is burnt, pixels are mixed
         known = same[..., None] & (cv2.erode(room, INNER) > 0)
         if known.any():
-            numbers = sight.cells(common, burnt.shape)[..., None] * 3 + np.arange(3)
+            numbers = seen.cells(common, burnt.shape)[..., None] * 3 + np.arange(3)
             yield numbers[known], (aims - plain)[known] / WHITE, room[known] / WHITE
 
 

@@ -5,12 +5,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from panostitch.compositing.burnt import read_in
+from panostitch.compositing.overlaps import WHITE
 from panostitch.compositing.warp import Blocks
 from panostitch.model.light import Light, radius_square
 
 Floats = NDArray[np.float32]
 
-WHITE = np.float32(255)
 FARTHEST = 2.0  # square of a radius: coordinates go on beyond the photo, where the fall-off means nothing
 
 

@@ -13,7 +13,7 @@ from panostitch.compositing.burnt import burnt_map
 from panostitch.compositing.coverage import POLES, covered_rays
 from panostitch.compositing.crop import Crop, choose_crop, surely_covered
 from panostitch.compositing.exposure import EXPOSURE
-from panostitch.compositing.highlights import Sight, expose_all
+from panostitch.compositing.highlights import Seen, expose_all
 from panostitch.compositing.seams import SEAMS, extend
 from panostitch.compositing.warp import footprints, read_for, warp_and_place
 from panostitch.errors import AlignmentError, UsageError
@@ -30,9 +30,7 @@ from panostitch.runtime.trace import Trace, silent
 
 Placed = list[tuple[int, Layer]]
 
-PLAN_PIXELS = (
-    0.5e6  # of the reduced canvas: seams to a few pixels, in little time; with twice as many they are no better
-)
+PLAN_PIXELS = 0.5e6  # of the reduced canvas: seams to a few pixels; with twice as many they are no better
 LARGE_PLAN = 4.5e6  # of that of a huge canvas: it takes memory, but tiles with seams need narrower halos
 LARGE_FROM = 16  # times smaller
 MAX_FACTOR = 64
@@ -94,11 +92,11 @@ def _lit(
 
     Raises AlignmentError where no photo falls on the canvas.
     """
-    pieces, sights = _warp_all(alignment, small, run, trace)
+    pieces, views = _warp_all(alignment, small, run, trace)
     if not pieces:
         raise AlignmentError("no photo falls on the canvas", hint="try another --projection")
-    lenses, squares = lens_groups(alignment.photos), lambda n, region: sights[n].square(region)
-    light, exposed = expose_all(EXPOSURE[options.exposure](lenses, pieces, squares), pieces, sights)
+    lenses, squares = lens_groups(alignment.photos), lambda n, region: views[n].square(region)
+    light, exposed = expose_all(EXPOSURE[options.exposure](lenses, pieces, squares), pieces, views)
     return light, exposed, [] if trace is silent else pieces
 
 
@@ -130,27 +128,27 @@ def _surely_covered(covered: NDArray[np.bool_], cameras: Sequence[Camera], small
     return surely_covered(framed)[1:-1, 1:-1]
 
 
-def _warp_all(alignment: Alignment, small: Canvas, run: Executor, trace: Trace) -> tuple[Placed, list[Sight]]:
+def _warp_all(alignment: Alignment, small: Canvas, run: Executor, trace: Trace) -> tuple[Placed, list[Seen]]:
     """All photos on the reduced canvas, as (photo, layer): one may be in two pieces, or none; and what they see."""
     numbers = list(range(len(alignment.photos)))
     work = partial(_warp_one, alignment, small, footprints(alignment.cameras, small))
     placed: Placed = []
-    sights = []
-    for n, (layers, sight) in zip(numbers, run.map(work, numbers, label="Planning"), strict=True):
+    views = []
+    for n, (layers, seen) in zip(numbers, run.map(work, numbers, label="Planning"), strict=True):
         trace("compositing.warped", index=n, photo=alignment.photos[n], layers=layers, canvas=small)
         placed += [(n, layer) for layer in layers if layer.mask.any()]
-        sights.append(sight)
-    return placed, sights
+        views.append(seen)
+    return placed, views
 
 
 def _warp_one(
     alignment: Alignment, small: Canvas, places: Sequence[tuple[Region, ...]], n: int
-) -> tuple[list[Layer], Sight]:
+) -> tuple[list[Layer], Seen]:
     """The pieces of a photo, and where they see it."""
     raster, camera = read_for(alignment.photos[n], alignment.cameras[n], small)
     found = [warp_and_place(raster, camera, small, region, interpolation=cv2.INTER_LINEAR) for region in places[n]]
-    seen = tuple((layer.region, xy) for layer, xy in found)
-    return [layer for layer, _ in found], Sight(camera.size, burnt_map(raster[0]), seen)
+    shown = tuple((layer.region, xy) for layer, xy in found)
+    return [layer for layer, _ in found], Seen(camera.size, burnt_map(raster[0]), shown)
 
 
 def _piece(photo: int, layer: Layer, labels: NDArray[np.int16], whole: Region) -> Piece:
