@@ -16,6 +16,7 @@ Where the time goes is measured in one more run, on one thread (`benchmarks/spee
 """
 
 import argparse
+import compileall
 import json
 import os
 import platform
@@ -33,6 +34,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+import panostitch
 from panostitch.jobs.contender import OURS, RIVAL
 from panostitch.model.camera import Camera
 from panostitch.synthetic.rig import rig
@@ -109,6 +111,8 @@ def main() -> int:
     if given.child:
         CHILDREN[given.child](given.threads, *given.arguments)
         return 0
+    # as an installation does; not every environment lets Python keep what it has compiled
+    compileall.compile_dir(Path(panostitch.__file__).parent, quiet=1)
     found = {}
     for name in given.scenes.split(","):
         with tempfile.TemporaryDirectory(prefix="panostitch-speed-") as folder:

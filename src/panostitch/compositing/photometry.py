@@ -9,13 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csc_array, diags_array, eye_array
+from scipy.sparse import coo_array
 from scipy.sparse.linalg import SuperLU, splu
 
 from panostitch.compositing.overlaps import Overlaps
 from panostitch.model.light import TERMS
 
 Floats = NDArray[np.float64]
+Links = tuple[NDArray[np.intp], NDArray[np.intp], Floats]  # photos (p,) and (p,), and the weight (p,) of each pair
 
 RATIO_SPREAD = 0.03  # of the log ratio of two photos in their overlap: how far it is trusted
 GAIN_SPREAD = 0.3  # of the log gains: wide enough for real steps; a slow drift of the light over many photos stays
@@ -93,10 +94,10 @@ def _robust(errors: Floats) -> Floats:
 def _solve(overlaps: Overlaps, count: int, falls: Floats, weights: Floats) -> Fit:
     """Least squares with these weights: the gains eliminated, then the coefficients, none of them below 0."""
     weight = weights * overlaps.share / RATIO_SPREAD**2
-    graph = _graph(overlaps, count, weight)
+    links = _links(overlaps, weight)
     coefficients = np.zeros(falls.shape[1])
     if falls.shape[1]:
-        solver = _factored(graph, GAIN_SPREAD)
+        solver = _factored(links, count, GAIN_SPREAD)
         mean, weighted = overlaps.logs.mean(1), falls * weight[:, None]
         cross = _into_photos(overlaps, count, weighted)
         square = falls.T @ weighted - cross.T @ solver.solve(cross) + np.eye(falls.shape[1]) / FALL_OFF_SPREAD**2
@@ -104,22 +105,27 @@ def _solve(overlaps: Overlaps, count: int, falls: Floats, weights: Floats) -> Fi
         pull = cross.T @ solver.solve(steps) - weighted.T @ mean
         coefficients = _plausible(square, pull)
     right = _into_photos(overlaps, count, (overlaps.logs + (falls @ coefficients)[:, None]) * weight[:, None])
-    logs = _gains(graph, right)
+    logs = _gains(links, right)
     return Fit(logs, coefficients.reshape(-1, TERMS), weights)
 
 
-def _gains(graph: csc_array, right: Floats) -> Floats:
-    """Log gains (n, 3) from the normal matrix (n, n) and the weighted log ratios (n, 3) summed into the photos."""
+def _gains(links: Links, right: Floats) -> Floats:
+    """Log gains (n, 3) from the links of the photos and the weighted log ratios (n, 3) summed into them."""
     mean = right.mean(1)
     # the sign: a photo that is brighter than its neighbours gets a gain below one
-    brightness = -_factored(graph, GAIN_SPREAD).solve(mean)
-    colour = -_factored(graph, COLOUR_SPREAD).solve(right - mean[:, None])
+    brightness = -_factored(links, len(right), GAIN_SPREAD).solve(mean)
+    colour = -_factored(links, len(right), COLOUR_SPREAD).solve(right - mean[:, None])
     return np.asarray(brightness[:, None] + colour)
 
 
-def _factored(graph: csc_array, spread: float) -> SuperLU:
-    """The factors of the normal matrix with the wish that unknowns be 0, to within a spread."""
-    return splu(csc_array(graph + eye_array(graph.shape[0]) / spread**2))
+def _factored(links: Links, count: int, spread: float) -> SuperLU:
+    """The factors of the normal matrix (n, n) of the differences of unknowns, with the wish that they be 0, to within a
+    spread; it is sparse, since few photos touch."""
+    i, j, weight = links
+    each, wish = np.arange(count), np.full(count, 1 / spread**2)
+    rows, columns = np.concatenate([i, j, i, j, each]), np.concatenate([j, i, i, j, each])
+    values = np.concatenate([-weight, -weight, weight, weight, wish])
+    return splu(coo_array((values, (rows, columns)), shape=(count, count)).tocsc())
 
 
 def _tempered(fitted: Fit) -> Fit:
@@ -129,11 +135,10 @@ def _tempered(fitted: Fit) -> Fit:
     return Fit(fitted.logs - mean * (1 - kept), fitted.fall_off, fitted.weights)
 
 
-def _graph(overlaps: Overlaps, count: int, weight: Floats) -> csc_array:
-    """The normal matrix (n, n) of differences between photos: few of them touch."""
-    one_way = coo_array((weight, (overlaps.i, overlaps.j)), shape=(count, count))
-    off = csc_array(one_way + one_way.T)
-    return csc_array(diags_array(off.sum(0)) - off)
+def _links(overlaps: Overlaps, weight: Floats) -> Links:
+    """The pairs, and what the weights (m,) of their cells come to."""
+    starts = [cells.start for cells in overlaps.pairs]
+    return overlaps.i[starts], overlaps.j[starts], np.add.reduceat(weight, starts)
 
 
 def _into_photos(overlaps: Overlaps, count: int, values: Floats) -> Floats:
