@@ -34,7 +34,7 @@ def largest_rectangle(covered: NDArray[np.bool_]) -> Region:
 
 def _grown_inside(region: Region, covered: NDArray[np.bool_]) -> Region:
     """Move each side outwards while all pixels inside are covered."""
-    whole = Region(0, 0, covered.shape[1], covered.shape[0])
+    whole = Region.of(covered)
     growing = True
     while growing:
         growing = False
@@ -88,7 +88,7 @@ def choose_crop(covered: NDArray[np.bool_], rule: str, sure: NDArray[np.bool_] |
     """
     box = bounding_box(covered)
     if rule == "none" or not box:
-        whole = Region(0, 0, covered.shape[1], covered.shape[0])
+        whole = Region.of(covered)
         return Crop(whole if box else box, "the whole canvas, not cropped")
     rectangle = largest_rectangle(surely_covered(covered) if sure is None else sure)
     kept = rectangle.area / max(int(covered.sum()), 1)

@@ -169,7 +169,7 @@ def sample(raster: Raster, grid: Blocks, interpolation: int) -> Layer:
     x, y, valid = grid.coordinates
     window = grid.window
     # not rounded to whole levels before the light is corrected, and OpenCV is quicker with floats
-    part = np.asarray(raster[0][window.within(Region(0, 0, *grid.camera.size))], np.float32)
+    part = np.asarray(raster[0][window.within(Region.of(raster[0]))], np.float32)
     origin = np.array([window.x, window.y], np.float32)
     pixels = np.asarray(
         cv2.remap(part, x - origin[0], y - origin[1], interpolation, borderMode=cv2.BORDER_REPLICATE), np.float32

@@ -224,7 +224,7 @@ def crop(pixels: NDArray[Any], coverage: NDArray[np.bool_], region: Region) -> P
     """The panorama with the rectangle that is written; cut-off parts dark, empty parts as a chequerboard."""
     bright = to_bytes(pixels)
     picture = _dimmed(bright, 0.35)
-    inside = (region & Region(0, 0, bright.shape[1], bright.shape[0])).within(Region(0, 0, 0, 0))
+    inside = (region & Region.of(bright)).within(Region(0, 0, 0, 0))
     picture[inside] = bright[inside]
     picture = to_bytes(fit(picture)).copy()
     height, width = picture.shape[:2]

@@ -20,6 +20,11 @@ class Region:
     width: int
     height: int
 
+    @classmethod
+    def of(cls, array: NDArray[np.generic]) -> "Region":
+        """All of an array (h, w, ...)."""
+        return cls(0, 0, array.shape[1], array.shape[0])
+
     @property
     def right(self) -> int:
         """First column behind the region."""

@@ -43,7 +43,7 @@ def judge(picture: Pixels, photos: Sequence[Photo], *, run: Executor = serial) -
         rgb, mask = resized(rgb, size), resized(mask.astype(np.uint8), size) > 0
     factor = rgb.shape[1] / picture.shape[1]
     decoded: LastUsed[Raster] = LastUsed(KEPT, lambda raster: sum(a.nbytes for a in raster if a is not None))
-    whole = Region(0, 0, *rgb.shape[1::-1])
+    whole = Region.of(rgb)
     tiles = whole.tiles(TILE)
     work = partial(_judge_tile, rgb, mask, photos, maps, decoded)
     places = joined(list(run.map(work, tiles, label="Judging")))
@@ -58,7 +58,7 @@ def _judge_tile(
     decoded: LastUsed[Raster],
     tile: Region,
 ) -> Places:
-    whole = Region(0, 0, *rgb.shape[1::-1])
+    whole = Region.of(rgb)
     region = tile.grown(MARGIN)
     layers = []
     for n, known in maps:

@@ -174,7 +174,7 @@ def _refined(rough: SmoothMap, picture: Pixels, photo: Photo) -> SmoothMap | Non
     raster = photo.source.read()
     refined = rough
     for degree in DEGREES[1:]:
-        layer_place = (refined.place.grown(BEYOND)) & Region(0, 0, *picture.shape[1::-1])
+        layer_place = refined.place.grown(BEYOND) & Region.of(picture)
         here, shift = _measured(refined, picture, raster, layer_place)
         if len(here) < FEWEST:
             return None
@@ -187,7 +187,7 @@ def _measured(
 ) -> tuple[Floats, Floats]:
     """Patches (n, 2) px of the picture that are found in the photo, and how far (n, 2) they are off."""
     layer = seen_in(known, raster, place)
-    own = picture[place.within(Region(0, 0, *picture.shape[1::-1]))].astype(np.float32)
+    own = picture[place.within(Region.of(picture))].astype(np.float32)
     far = HALF + REACH
     x, y = np.meshgrid(*(np.arange(far, n - far, PATCH_STEP) for n in (place.width, place.height)))
     centres = np.column_stack([x.ravel(), y.ravel()])

@@ -68,7 +68,7 @@ def _labels_near(panorama: Panorama, tile: Region) -> list[int]:
 def _labels(panorama: Panorama, tile: Region) -> tuple[NDArray[np.int16], Region]:
     """The plan's labels in and about a tile, and what of the canvas they cover."""
     factor = panorama.plan.factor
-    whole = Region(0, 0, *panorama.plan.labels.shape[::-1])
+    whole = Region.of(panorama.plan.labels)
     small = tile.grown(NEAR, multiple=factor).divided(factor) & whole
     return panorama.plan.labels[small.within(whole)], small.times(factor)
 

@@ -42,7 +42,7 @@ def blend_reduced(
         owned = np.asarray(labels == photo)
         if owned.any():
             box = matters(owned, depth, wraps=canvas.wraps)
-            at = box.within(_whole(composite))
+            at = box.within(Region.of(composite))
             own, owns = [piece for piece in pieces if piece.photo == photo], owned[at]
             around = composite[at].copy()
             put(around, others[at], owns)
@@ -57,13 +57,9 @@ def matters(owned: Booleans, levels: int, *, wraps: bool) -> Region:
 
     Its weights reach two pixels of the lowest band beyond what it owns, and its own bands must be sound there.
     """
-    whole = _whole(owned)
+    whole = Region.of(owned)
     box = bounding_box(owned).grown((HALO + 2) << levels, multiple=1 << levels) & whole
     return replace(box, x=0, width=whole.width) if wraps else box
-
-
-def _whole(picture: Floats | Booleans) -> Region:
-    return Region(0, 0, picture.shape[1], picture.shape[0])
 
 
 def _fine(factor: int) -> int:
@@ -107,7 +103,7 @@ def join(
     shared = _around([a & b for a, b in combinations(places, 2)])
     if not shared:
         return composite
-    whole = _whole(composite)
+    whole = Region.of(composite)
     around = shared.grown(ENLARGING * factor) & whole
     depth = fine if levels is None else min(levels, fine)
     bands = Bands((around.height, around.width), depth, wraps=False)

@@ -71,7 +71,7 @@ def _jpeg(path: str) -> Iterator[Piece]:
         image.draft("L", (max(1, width // factor), max(1, height // factor)))
         grey = np.asarray(image.convert("L"))
     step = max(1, round(width / grey.shape[1]))
-    yield step, (grey.shape[1], grey.shape[0]), Region(0, 0, grey.shape[1], grey.shape[0]), grey[..., None]
+    yield step, (grey.shape[1], grey.shape[0]), Region.of(grey), grey[..., None]
 
 
 def _png(path: str) -> Iterator[Piece]:
@@ -93,7 +93,7 @@ def _whole(path: str, *, alpha: bool) -> Iterator[Piece]:
             if image.mode.startswith("I")
             else np.asarray(image.convert("RGBA" if alpha else "RGB"))
         )
-    yield 1, (pixels.shape[1], pixels.shape[0]), Region(0, 0, pixels.shape[1], pixels.shape[0]), pixels
+    yield 1, (pixels.shape[1], pixels.shape[0]), Region.of(pixels), pixels
 
 
 def _whole_tiff(path: str) -> Iterator[Piece] | str:
