@@ -1,6 +1,7 @@
 """Photos of every kind come out upright, RGB and 8 bits; those that are broken are named."""
 
 import io
+import re
 import struct
 import zlib
 from pathlib import Path
@@ -19,6 +20,10 @@ from tolerances import JPEG_MEAN
 # The JPEG decoder averages in its own transform, whose weights are not quite a box's: 1.03 and 13 seen, on a picture
 # that is rich at every scale. Half a pixel of displacement would make 8 and 100.
 REDUCED_MEAN, REDUCED_MOST = 2.0, 25.0
+
+# Grey levels, largest difference between brightness decoded by itself and that of decoded colours: rounding of three
+# channels, and of weights in whole numbers; 2 seen.
+BRIGHTNESS_MOST = 3
 
 JPEG = {"quality": 95, "subsampling": 0}
 
@@ -180,6 +185,31 @@ def test_reduced_reading_agrees_with_the_full_one(name, size, scale, views, save
     assert difference.max() <= REDUCED_MOST
 
 
+@pytest.mark.filterwarnings("ignore:'mode' parameter is deprecated:DeprecationWarning")
+@pytest.mark.parametrize("scale", [1.0, 0.5, 0.3])
+@pytest.mark.parametrize("kind", ["RGB jpg, sideways", "RGB tif of 16 bits", *WRITTEN])
+def test_grey_reading_is_the_brightness_of_the_colours(kind, scale, picture, tmp_path):
+    if "sideways" in kind:
+        path, exif = tmp_path / "a.jpg", Image.Exif()
+        exif[0x0112] = 6
+        Image.fromarray(picture).save(path, exif=exif, **JPEG)
+    elif "16 bits" in kind:
+        path = tmp_path / "a.tif"
+        cv2.imwrite(str(path), picture[..., ::-1].astype(np.uint16) * 257)
+    else:
+        path = tmp_path / WRITTEN[kind][0]
+        WRITTEN[kind][1](picture).save(path)
+    photo = open_photo(path)
+
+    grey, mask = photo.read_grey(scale)
+
+    pixels, expected_mask = photo.source.read(scale)
+    expected = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY).astype(float)
+    np.testing.assert_array_equal(mask, expected_mask)
+    assert grey.dtype == np.uint8
+    assert np.abs(grey - expected).max() <= BRIGHTNESS_MOST
+
+
 def test_the_mask_is_reduced_with_the_pixels(picture, save):
     path = save("a.png", np.dstack([picture, alpha_of(picture)]))
 
@@ -215,6 +245,8 @@ def test_half_a_picture_is_refused_by_name(name, share, views, save):
             read(path, scale)
         assert path in caught.value.message
         assert "\n" not in caught.value.message
+        with pytest.raises(InputError, match=re.escape(path)):
+            open_photo(path).read_grey(scale)
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.125])

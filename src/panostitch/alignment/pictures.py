@@ -29,7 +29,7 @@ class Pictures:
 
     def _make(self, index: int, factor: int) -> Grey:
         if factor == 1:
-            return np.asarray(cv2.cvtColor(self.photos[index].source.read()[0], cv2.COLOR_RGB2GRAY), np.uint8)
+            return self.photos[index].read_grey()[0]
         full = self.read(index, 1)
         size = (max(1, round(full.shape[1] / factor)), max(1, round(full.shape[0] / factor)))
         return np.asarray(cv2.resize(full, size, interpolation=cv2.INTER_AREA), np.uint8)

@@ -51,8 +51,8 @@ class Look:
 
 def look_at(photo: Photo, features: Features) -> Look:
     """The look of a photo. Raises InputError where it cannot be read."""
-    pixels, mask = photo.source.read(min(1.0, (MEGAPIXELS / photo.megapixels) ** 0.5))
-    grey = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), np.float32)
+    pixels, mask = photo.read_grey(min(1.0, (MEGAPIXELS / photo.megapixels) ** 0.5))
+    grey = pixels.astype(np.float32)
     seen = grey[mask > 0] if mask is not None and mask.any() else grey.ravel()
     if mask is not None:
         grey = np.where(mask > 0, grey, seen.mean(dtype=np.float32))

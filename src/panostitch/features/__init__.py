@@ -94,8 +94,7 @@ def read_scale(photo: Photo, options: FeatureOptions) -> float:
 
 def _working_picture(photo: Photo, options: FeatureOptions) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
     """The photo in grey at its working size, and where it may be used."""
-    pixels, mask = photo.source.read(read_scale(photo, options))
-    grey = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), np.uint8)
+    grey, mask = photo.read_grey(read_scale(photo, options))
     if mask is not None:
         kernel = np.ones((2 * MASK_MARGIN + 1, 2 * MASK_MARGIN + 1), np.uint8)
         mask = np.asarray(cv2.erode(mask, kernel), np.uint8)

@@ -34,7 +34,7 @@ from panostitch.io.colour import read_profiles, to_srgb
 from panostitch.io.deep import COPY_ANEW, InEightBits, deep_file, unknown_tiff
 from panostitch.io.metadata import read_metadata
 from panostitch.io.orientation import asked_for
-from panostitch.model.photo import Photo, Pixels, PixelSource, natural_key
+from panostitch.model.photo import Photo, Pixels, PixelSource, grey_of, natural_key
 
 # No EPS, PDF or other formats that run programs or hold no photo; importing a plug-in registers it with Pillow.
 # MPO, JPEGs with a second picture as some phones write them, comes with JPEG.
@@ -88,17 +88,25 @@ class FileSource:
 
     def read(self, scale: float = 1.0) -> tuple[Pixels, Pixels | None]:
         """Upright RGB pixels (h, w, 3) at `scale` <= 1 and the mask (h, w) of alpha, if any. Raises InputError."""
-        pixels, mask, size = self._decode(scale)
+        return self._read(scale, grey=False)
+
+    def read_grey(self, scale: float = 1.0) -> tuple[Pixels, Pixels | None]:
+        """As `read`, but grey pixels (h, w): JPEG stores brightness apart, and half of the decoding is colour."""
+        return self._read(scale, grey=True)
+
+    def _read(self, scale: float, *, grey: bool) -> tuple[Pixels, Pixels | None]:
+        pixels, mask, size = self._decode(scale, grey=grey)
         asked = partial(asked_for, whole=size, scale=scale, orientation=self.orientation)
         return asked(pixels), None if mask is None else asked(mask)
 
-    def _decode(self, scale: float) -> tuple[Pixels, Pixels | None, tuple[int, int]]:
+    def _decode(self, scale: float, *, grey: bool) -> tuple[Pixels, Pixels | None, tuple[int, int]]:
         """Stored pixels, their mask, and the size of the whole picture; a JPEG comes reduced where `scale` allows."""
         try:
-            if self.jpeg_size:
-                return _decode_jpeg(self.path, self.jpeg_size, _reduction(self.jpeg_size, scale)), None, self.jpeg_size
+            if size := self.jpeg_size:
+                return _decode_jpeg(self.path, size, _reduction(size, scale), grey=grey), None, size
             with Image.open(self.path, formats=FORMATS) as image:
-                return *_from_pillow(image, self.device), image.size
+                pixels, mask = _from_pillow(image, self.device)
+                return grey_of(pixels) if grey else pixels, mask, image.size
         except InputError:
             raise
         except READ_FAILURES as error:
@@ -180,16 +188,18 @@ def _reduction(size: tuple[int, int], scale: float) -> int:
     return next((n for n in REDUCED_MODES if n * scale <= 1 and size[0] % n == size[1] % n == 0), 1)
 
 
-def _decode_jpeg(path: str, size: tuple[int, int], reduction: int) -> Pixels:
+def _decode_jpeg(path: str, size: tuple[int, int], reduction: int, *, grey: bool) -> Pixels:
+    """RGB pixels (h, w, 3), or grey ones (h, w), of a JPEG of this size, reduced."""
     data = np.fromfile(path, np.uint8)
     if reduction == 1:
         # into memory of NumPy's, which comes in large pages: half of the time would go for asking for small ones
-        pixels = np.empty((size[1], size[0], 3), np.uint8)
+        pixels = np.empty((size[1], size[0], 1 if grey else 3), np.uint8)
         # what is damaged but can be shown is left to OpenCV, which is less strict
         with suppress(ValueError):
-            return np.asarray(simplejpeg.decode_jpeg(data, "RGB", buffer=pixels), np.uint8)
-    mode = REDUCED_MODES.get(reduction, 0) & ~cv2.IMREAD_COLOR | cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
-    decoded = cv2.imdecode(data, mode)
+            decoded = simplejpeg.decode_jpeg(data, "GRAY" if grey else "RGB", buffer=pixels)
+            return np.asarray(decoded[..., 0] if grey else decoded, np.uint8)
+    mode = REDUCED_MODES.get(reduction, 0) & ~cv2.IMREAD_COLOR | (0 if grey else cv2.IMREAD_COLOR_RGB)
+    decoded = cv2.imdecode(data, mode | cv2.IMREAD_IGNORE_ORIENTATION)
     if decoded is None:
         raise InputError(f"{path}: broken: the file ends before the picture does", hint=COPY_ANEW)
     return np.asarray(decoded, np.uint8)

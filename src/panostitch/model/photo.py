@@ -3,8 +3,9 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,6 +23,15 @@ class PixelSource(Protocol):
         The mask is 255 where the photo shows something and 0 where it is transparent; None if it is opaque.
         Raises InputError where the pixels cannot be had.
         """
+        ...
+
+
+@runtime_checkable
+class GreySource(Protocol):
+    """Something that yields the brightness of one upright photo for less than its colours."""
+
+    def read_grey(self, scale: float = 1.0) -> tuple[Pixels, Pixels | None]:
+        """As `PixelSource.read`, but grey pixels (h, w)."""
         ...
 
 
@@ -69,6 +79,18 @@ class Photo:
     def megapixels(self) -> float:
         """Size in millions of pixels."""
         return self.size[0] * self.size[1] / 1e6
+
+    def read_grey(self, scale: float = 1.0) -> tuple[Pixels, Pixels | None]:
+        """Grey pixels (h, w) of the whole photo at `scale` <= 1, and its mask. Raises InputError."""
+        if isinstance(self.source, GreySource):
+            return self.source.read_grey(scale)
+        pixels, mask = self.source.read(scale)
+        return grey_of(pixels), mask
+
+
+def grey_of(pixels: Pixels) -> Pixels:
+    """The brightness (h, w) of RGB pixels (h, w, 3), as JPEG defines it."""
+    return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), np.uint8)
 
 
 def lens_groups(photos: Sequence[Photo]) -> list[int]:
