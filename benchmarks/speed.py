@@ -262,7 +262,7 @@ def stages(found: dict[str, Found]) -> str:
             "## Where the time goes",
             "",
             "CPU seconds of a run on one thread. Photos are decoded four times: small for the key points and for the",
-            "plan, at full size for the control points and for the panorama.",
+            "plan, at full size for the control points (their brightness alone) and for the panorama.",
             "",
             f"| | {' | '.join(found)} |",
             f"|---|{'---|' * len(found)}",
