@@ -96,6 +96,29 @@ def test_the_middle_of_the_view_is_straight_ahead():
     np.testing.assert_allclose(cameras[2].cam_from_world[2], [0, 0, 1], atol=1e-9)
 
 
+def from_left_to_right(cameras):
+    return np.argsort([np.arctan2(camera.cam_from_world[2, 0], camera.cam_from_world[2, 2]) for camera in cameras])
+
+
+@pytest.mark.parametrize("turn", [36.0, -36.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_ring_opens_where_the_series_begins(seed, turn):
+    # which gap is the widest is chance
+    yaws = np.arange(10) * turn + np.random.default_rng(seed).uniform(-1, 1, 10)
+
+    order = from_left_to_right(straighten(tilted(row(yaws=yaws))))
+
+    np.testing.assert_array_equal(order if turn > 0 else order[::-1], np.arange(10))
+
+
+def test_a_ring_with_a_wide_gap_opens_there():
+    yaws = np.delete(np.arange(0, 360, 30), 5)
+
+    order = from_left_to_right(straighten(tilted(row(yaws=yaws))))
+
+    np.testing.assert_array_equal(order, np.roll(np.arange(11), -5))
+
+
 def test_one_photo_looks_straight_ahead():
     (camera,) = straighten(tilted(row(yaws=(30,))))
 

@@ -30,6 +30,7 @@ STEPS = 50
 CONVERGED = 1e-12
 STARTS = 24  # photos whose own axes are tried as the vertical
 REFINED = 3  # of all starts
+NEARLY = 0.8  # of the widest gap of a ring: as good a place to open it
 
 
 @dataclass(frozen=True)
@@ -141,19 +142,26 @@ def centre(cameras: Sequence[Camera], down: Floats) -> tuple[Camera, ...]:
     level = forward - np.outer(forward @ down, down)
     middle = level.sum(0)
     if np.linalg.norm(middle) < 0.2 * len(cameras):
-        middle = _opposite_of_gap(level, down)  # a ring has no middle: open it where it is thinnest
+        middle = _opposite_of_opening(level, down)  # a ring has no middle
     z = middle / max(float(np.linalg.norm(middle)), 1e-12)
     old_from_new = rotation.nearest(np.column_stack([np.cross(down, z), down, z]))
     return tuple(camera.turned(old_from_new) for camera in cameras)
 
 
-def _opposite_of_gap(level: Floats, down: Floats) -> Floats:
-    """The direction opposite to the middle of the largest gap between the directions (n, 3)."""
+def _opposite_of_opening(level: Floats, down: Floats) -> Floats:
+    """The direction opposite to where a ring of directions (n, 3) opens.
+
+    That is, of the gaps that are nearly as wide as any, where the series of photos begins: which of them is the widest
+    by a hair would be left to chance.
+    """
     x = level[0] / max(float(np.linalg.norm(level[0])), 1e-12)
     y = np.cross(down, x)
-    angles = np.sort(np.arctan2(level @ y, level @ x))
-    gaps = np.diff(np.append(angles, angles[0] + 2 * np.pi))
-    # equal gaps differ by rounding only: take the first of the largest
-    widest = int(np.flatnonzero(gaps > gaps.max() - 1e-6)[0])
-    away = angles[widest] + gaps[widest] / 2 + np.pi
+    angles = np.arctan2(level @ y, level @ x)
+    order = np.argsort(angles, kind="stable")
+    starts, behind = angles[order], np.roll(order, -1)
+    gaps = np.diff(np.append(starts, starts[0] + 2 * np.pi))
+    earlier, later = np.minimum(order, behind), np.maximum(order, behind)
+    nearly = np.flatnonzero(gaps > NEARLY * gaps.max())
+    chosen = min(nearly, key=lambda n: (earlier[n], -later[n]))
+    away = starts[chosen] + gaps[chosen] / 2 + np.pi
     return np.asarray(np.cos(away) * x + np.sin(away) * y)
