@@ -51,9 +51,14 @@ class Overlaps:
         return len(self.pair)
 
     @property
+    def starts(self) -> NDArray[np.intp]:
+        """The first cell of each pair."""
+        return np.flatnonzero(np.diff(self.pair, prepend=-1))
+
+    @property
     def pairs(self) -> list[slice]:
         """The cells of each pair."""
-        starts = np.flatnonzero(np.diff(self.pair, prepend=-1))
+        starts = self.starts
         return [slice(start, end) for start, end in zip(starts, [*starts[1:], len(self)], strict=True)]
 
     def where(self, chosen: NDArray[np.bool_]) -> "Overlaps":

@@ -137,7 +137,7 @@ def _tempered(fitted: Fit) -> Fit:
 
 def _links(overlaps: Overlaps, weight: Floats) -> Links:
     """The pairs, and what the weights (m,) of their cells come to."""
-    starts = [cells.start for cells in overlaps.pairs]
+    starts = overlaps.starts
     return overlaps.i[starts], overlaps.j[starts], np.add.reduceat(weight, starts)
 
 

@@ -32,6 +32,7 @@ from panostitch.debug.ink import (
 from panostitch.geometry.sampling import rescale
 from panostitch.model.canvas import Layer, Region
 from panostitch.model.mesh import Mesh
+from panostitch.model.photo import grey_of
 from panostitch.model.score import Places
 
 Floats = NDArray[np.float64]
@@ -140,7 +141,7 @@ def seams(labels: NDArray[np.int16], pixels: NDArray[Any]) -> Picture:
 
 def faults(panorama: Picture, places: Places, shown: Region) -> Picture:
     """A panorama (h, w, 3) of this region of the canvas, grey, and what is wrong in colour, from blue to yellow."""
-    grey = cv2.cvtColor(to_bytes(fit(panorama)), cv2.COLOR_RGB2GRAY)
+    grey = grey_of(to_bytes(fit(panorama)))
     picture = _dimmed(np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB), np.uint8), FAINT)
     scale = picture.shape[1] / shown.width
     known = np.isfinite(places.fault)

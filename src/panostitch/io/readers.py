@@ -198,8 +198,8 @@ def _decode_jpeg(path: str, size: tuple[int, int], reduction: int, *, grey: bool
         with suppress(ValueError):
             decoded = simplejpeg.decode_jpeg(data, "GRAY" if grey else "RGB", buffer=pixels)
             return np.asarray(decoded[..., 0] if grey else decoded, np.uint8)
-    mode = REDUCED_MODES.get(reduction, 0) & ~cv2.IMREAD_COLOR | (0 if grey else cv2.IMREAD_COLOR_RGB)
-    decoded = cv2.imdecode(data, mode | cv2.IMREAD_IGNORE_ORIENTATION)
+    reduced, colours = REDUCED_MODES.get(reduction, 0), cv2.IMREAD_GRAYSCALE if grey else cv2.IMREAD_COLOR_RGB
+    decoded = cv2.imdecode(data, reduced & ~cv2.IMREAD_COLOR | colours | cv2.IMREAD_IGNORE_ORIENTATION)
     if decoded is None:
         raise InputError(f"{path}: broken: the file ends before the picture does", hint=COPY_ANEW)
     return np.asarray(decoded, np.uint8)

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
@@ -24,6 +23,7 @@ from panostitch.model.camera import Camera
 from panostitch.model.canvas import Canvas, Layer, Region
 from panostitch.model.light import unchanged
 from panostitch.model.panorama import Panorama, Plan
+from panostitch.model.photo import grey_of
 from panostitch.options import Options, OutputOptions
 from panostitch.runtime.executor import Executor
 from panostitch.synthetic.scene import procedural_texture
@@ -86,7 +86,7 @@ def _ramps(region: Region) -> Layer:
 
 def detectors() -> Iterator[Check]:
     """Each detector on a small picture. Values are key points."""
-    grey = np.asarray(cv2.cvtColor(procedural_texture(*TEXTURE, SEED), cv2.COLOR_RGB2GRAY), np.uint8)
+    grey = grey_of(procedural_texture(*TEXTURE, SEED))
     for name in DETECTORS:
         yield tried("detectors", name, partial(_detector, name, grey), remedy=anew(OPENCV))
 
