@@ -60,14 +60,14 @@ def _with_fall_off(overlaps: Overlaps, lenses: Sequence[int]) -> tuple[Fit, str]
     plain = photometry.fit(overlaps, lenses, fall_off=False)
     if 2 * len(set(lenses)) > len(lenses):
         return plain, "no fall-off (too few photos of a lens)"
-    explained = min(_explained(overlaps, lenses, half) for half in (False, True))
     fitted = photometry.fit(overlaps, lenses, fall_off=True)
     corner = float(fitted.fall_off.sum(1).max())
-    stops = corner * GAMMA / np.log(2)
-    if explained < PAYS * max(1.0, stops / USUAL) ** 2:
-        return plain, f"no fall-off ({stops:.2f} stops explain {max(0.0, explained):.0%} of the differences)"
     if corner < SEEN_FALL_OFF:
         return plain, "no fall-off (too little to show)"
+    stops = corner * GAMMA / np.log(2)
+    explained = min(_explained(overlaps, lenses, half) for half in (False, True))
+    if explained < PAYS * max(1.0, stops / USUAL) ** 2:
+        return plain, f"no fall-off ({stops:.2f} stops explain {max(0.0, explained):.0%} of the differences)"
     return fitted, f"fall-off of {stops:.2f} stops in the corners (explains {explained:.0%} of the differences)"
 
 
