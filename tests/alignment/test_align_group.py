@@ -6,7 +6,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from alignment.planted import blank_photos, link_of, planted_links
+from alignment.planted import blank_photos, common_points, link_of, planted_links
 from panostitch.alignment import align_group, planar, turning
 from panostitch.errors import AlignmentError
 from panostitch.geometry import rotation
@@ -166,6 +166,39 @@ def test_a_link_that_contradicts_the_others_is_dropped_and_named(position, rng):
     assert {(link.i, link.j) for link in alignment.links} == {(link.i, link.j) for link in links}
     assert [(link.i, link.j) for link in alignment.dropped] == [(0, 3)]
     assert alignment.dropped[0].rms > 50
+    assert score(true, alignment.cameras).rms < NOISY_PX[1]
+
+
+def ring(count=10):
+    yaws = np.linspace(-np.pi, np.pi, count, endpoint=False)
+    return rig(yaws, np.zeros(count), np.zeros(count), size=SIZE, hfov=HFOV)
+
+
+def weak(link):
+    """As among photos that agree in a pattern, and in nothing around it."""
+    return replace(link, in_overlap=5 * link.inliers)
+
+
+def test_a_weak_link_that_bends_a_whole_ring_is_dropped_and_named(rng):
+    true = ring()
+    links = [link for link in planted_links(true, rng, noise=NOISE) if (link.i, link.j) != (0, 1)]
+    # photo 9 shows what photo 0 shows: a ring of nine closes, which no link contradicts
+    wrong = weak(link_of(1, 9, *common_points(true[1], true[0], 40, rng)))
+
+    alignment = aligned(true, [*links, wrong])
+
+    assert [(link.i, link.j) for link in alignment.dropped] == [(1, 9)]
+    # as if it had never been there
+    assert score(true, alignment.cameras).rms == pytest.approx(score(true, aligned(true, links).cameras).rms, abs=PIXEL)
+
+
+def test_a_weak_link_that_closes_a_ring_rightly_is_kept(rng):
+    true = ring()
+    links = [weak(link) if (link.i, link.j) == (0, 1) else link for link in planted_links(true, rng, noise=NOISE)]
+
+    alignment = aligned(true, links)
+
+    assert not alignment.dropped
     assert score(true, alignment.cameras).rms < NOISY_PX[1]
 
 

@@ -5,9 +5,8 @@ import pytest
 
 from panostitch.geometry import homography, rotation
 from panostitch.matching import verify
-from panostitch.matching.verify import needed_inliers
 from panostitch.model.features import Features
-from panostitch.model.match import PutativeMatch, Rejection, VerifiedMatch
+from panostitch.model.match import PutativeMatch, Rejection, VerifiedMatch, needed_inliers
 from panostitch.model.photo import Photo
 from panostitch.options import MatchingOptions
 from panostitch.runtime.executor import Executor

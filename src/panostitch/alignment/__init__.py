@@ -18,6 +18,7 @@ from panostitch.alignment.fit import (
     rough_fit,
     settled_again,
     without_contradictions,
+    without_false_closure,
 )
 from panostitch.alignment.model_choice import (
     NOTICEABLE,
@@ -171,7 +172,9 @@ def _rough(
 def _tried(model: Model, photos: Sequence[Photo], links: Sequence[VerifiedMatch], scale: float) -> Fit | None:
     """The solution under a model, if there is one."""
     fit = rough_fit(model, photos, links, scale=scale)
-    return without_contradictions(fit, photos, scale=scale) if fit else None
+    if fit is None:
+        return None
+    return without_false_closure(without_contradictions(fit, photos, scale=scale), photos, scale=scale)
 
 
 def _candidate(fit: Fit, links: Sequence[VerifiedMatch], scale: float) -> Candidate:

@@ -21,7 +21,7 @@ SAME_END = 0.01  # share of the cost by which two starts that end at the same pl
 # Times the final loss scale: a rough start is not to be taken for a heap of outliers, nor the link that closes a ring
 # for a wrong one while the focal length is off by some per cent.
 LOSS_SCALES = (64, 8, 1)
-GOOD_START = 0.25  # times the loss scale, median: the noise of key points; no other start will do better
+KEY_POINT_NOISE = 0.25  # times the loss scale, median: errors that no other cameras explain better
 ZOOM = 1.1  # ratio of focal lengths from which they are taken for different ones
 # Share by which what is freed must lower the squares of the errors. Parallax poses as a lens too, best of all as a
 # decentred one.
@@ -156,7 +156,7 @@ def _start(cameras: Sequence[Camera], points: Sequence[ControlPoints], freedom: 
 def _explains_all(cameras: Sequence[Camera], points: Sequence[ControlPoints], scale: float) -> bool:
     """Whether no other start can do better: the errors are the noise of key points, and no link stands apart."""
     medians = np.array([np.median(errors) for errors in distances(cameras, points)])
-    return bool(np.median(medians) < GOOD_START * scale and medians.max() < scale)
+    return bool(np.median(medians) < KEY_POINT_NOISE * scale and medians.max() < scale)
 
 
 def _possible(solution: Solution) -> bool:

@@ -2,11 +2,10 @@
 
 from collections.abc import Sequence
 
-from panostitch.matching.verify import BASE_INLIERS
 from panostitch.model.alignment import LeftOut
 from panostitch.model.features import Attempt
 from panostitch.model.finding import Finding
-from panostitch.model.match import Groups, Link, Rejection
+from panostitch.model.match import BASE_INLIERS, Groups, Link, Rejection
 from panostitch.model.photo import Photo
 
 NAMES_SHOWN = 3

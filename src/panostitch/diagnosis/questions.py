@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 from panostitch.matching import find_groups
 from panostitch.matching.pairs import in_succession
-from panostitch.matching.verify import needed_inliers
-from panostitch.model.match import Groups, Link, Rejection, VerifiedMatch
+from panostitch.model.match import Groups, Link, Rejection, VerifiedMatch, needed_inliers
 from panostitch.model.photo import Photo
 
 Pair = tuple[int, int]

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
 from panostitch.matching.loops import Judged, Steps, judge, steps_of
-from panostitch.matching.verify import needed_inliers
 from panostitch.matching.web import Cycle, Web
 from panostitch.model.match import Link, Rejection, VerifiedMatch
 from panostitch.model.photo import Photo
@@ -91,15 +90,6 @@ def _times_judged(judged: Sequence[Judged]) -> Counter[int]:
     )
 
 
-def strength(link: VerifiedMatch) -> float:
-    """How much speaks for a link by itself: inliers by what their number would have to be (Brown & Lowe 2007).
-
-    Here all features in the overlap count, not the matched ones alone: photos that show the same pattern at two places
-    agree in the pattern, and in nothing around it.
-    """
-    return link.inliers / needed_inliers(max(link.putative, link.in_overlap))
-
-
 @dataclass(frozen=True)
 class _Program:
     """min cost x over 0/1 vectors x with rows x >= low, built up row by row."""
@@ -138,14 +128,14 @@ def _cheapest(
     """The suspects to drop: each costs its strength and the confirmations that it takes part in, which are as good as
     the weakest of their links; a contradiction that is left costs as much as it is far off."""
     program = _Program([], [], [])
-    drop = {n: program.variable(strength(links[n])) for n in suspects}
+    drop = {n: program.variable(links[n].strength) for n in suspects}
     for loop in bad:
         left = program.variable(min(loop.ratio, WORST))
         program.require([(left, 1.0), *((drop[n], 1.0) for n in loop.cycle.links)], 1.0)
     for loop in good:
         mine = [n for n in loop.cycle.links if n in drop]
         if mine:
-            lost = program.variable(min(1.0, *(strength(links[n]) for n in loop.cycle.links)))
+            lost = program.variable(min(1.0, *(links[n].strength for n in loop.cycle.links)))
             for n in mine:
                 program.require([(lost, 1.0), (drop[n], -1.0)], 0.0)
     chosen = program.solve()

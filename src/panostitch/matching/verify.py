@@ -12,20 +12,13 @@ from numpy.typing import NDArray
 
 from panostitch.geometry import homography
 from panostitch.model.features import Features
-from panostitch.model.match import Link, PutativeMatch, Rejection, VerifiedMatch
+from panostitch.model.match import Link, PutativeMatch, Rejection, VerifiedMatch, needed_inliers
 from panostitch.model.photo import Photo
 from panostitch.options import MatchingOptions
 
 Floats = NDArray[np.float64]
 
-BASE_INLIERS = 8.0  # Brown & Lowe 2007, alpha and beta
-INLIERS_PER_MATCH = 0.3
 MIN_OVERLAP = 0.01  # of the smaller photo; less than this is a chance agreement in a corner
-
-
-def needed_inliers(matches: int) -> int:
-    """Inliers that make a link, of so many matches in the overlap."""
-    return int(BASE_INLIERS + INLIERS_PER_MATCH * matches) + 1
 
 
 def unpromising(pair: tuple[int, int], matches: int) -> Rejection:

@@ -8,6 +8,14 @@ from numpy.typing import NDArray
 Indices = NDArray[np.int32]
 Floats = NDArray[np.float64]
 
+BASE_INLIERS = 8.0  # Brown & Lowe 2007, alpha and beta
+INLIERS_PER_MATCH = 0.3
+
+
+def needed_inliers(matches: int) -> int:
+    """Inliers that make a link, of so many matches in the overlap."""
+    return int(BASE_INLIERS + INLIERS_PER_MATCH * matches) + 1
+
 
 @dataclass(frozen=True)
 class PutativeMatch:
@@ -49,6 +57,15 @@ class VerifiedMatch:
     def inliers(self) -> int:
         """Number of matches that the homography explains."""
         return len(self.xy_i)
+
+    @property
+    def strength(self) -> float:
+        """How much speaks for the link by itself: inliers by what their number would have to be (Brown & Lowe 2007).
+
+        Here all features in the overlap count, not the matched ones alone: photos that show the same pattern at two
+        places agree in the pattern, and in nothing around it.
+        """
+        return self.inliers / needed_inliers(max(self.putative, self.in_overlap))
 
     def renumbered(self, i: int, j: int) -> "VerifiedMatch":
         """The same link between photos that have other numbers, i < j."""
