@@ -238,10 +238,11 @@ def peak(path, side, **options):
 
 
 def test_memory_does_not_grow_with_the_picture(tmp_path):
-    # the larger picture has 134 MB of pixels more than the smaller one
-    small, large = (peak(tmp_path / f"{side}.tif", side, compression="none") for side in (2048, 6144))
+    # The larger picture has 231 MB of pixels more than the smaller one.
+    small, large = (peak(tmp_path / f"{side}.tif", side, compression="none") for side in (3072, 8192))
 
-    assert large - small < 32 << 20  # bytes: what the allocator keeps back
+    # In bytes: when threads meet at their peaks and what the allocator keeps back differ by up to 40 MB from run to run.
+    assert large - small < 64 << 20
 
 
 @pytest.mark.parametrize("name", ["a.tif", "a.png"])
