@@ -6,8 +6,8 @@ gigapixel.
 A flat picture is cut into a grid of JPEG photos that overlap by a quarter; their places are known, so that nothing has
 to be aligned. A process of its own makes the panorama, with the default options but for `--compression none`, so that
 compressing is not the measure, and from 64 megapixels up with `--max-memory 1G`. It counts its CPU time, on all threads
-together, from the first step of the plan to the last byte of the TIFF, and the memory that it held at most. One size is
-written with `--compression deflate` as well.
+together, from the first step of the plan to the last byte of the file, and the memory that it held at most. The large
+sizes, and one of the small ones, are written as a JPEG too, and that one with `--compression deflate` as well.
 """
 
 import argparse
@@ -40,7 +40,13 @@ PERIOD = 2048  # px of the texture, which is repeated
 QUALITY = 92  # of the photos
 BOUNDED_FROM = 64  # megapixels
 LIMIT = "1G"
-MEASURE = 16  # megapixels of the row that the others are compared with, and that is compressed as well
+MEASURE = 16  # megapixels of the row that the others are compared with, and that is written in all formats
+# a format: the name of its file, and --compression
+FORMATS = {
+    "TIFF": ("panorama.tif", "none"),
+    "JPEG": ("panorama.jpg", "none"),
+    "TIFF, deflate": ("panorama.tif", "deflate"),
+}
 TEXTURE_SEED = 7
 
 
@@ -52,7 +58,7 @@ class Row:
     height: int
     photos: int
     photo_side: int
-    compression: str
+    format: str
     limit: str
     plan: float
     tiles: float
@@ -87,7 +93,7 @@ def make_photos(folder: Path, megapixels: float) -> None:
             cv2.imwrite(name, texture[np.ix_(y, x)], [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
 
 
-def render(folder: Path, megapixels: float, threads: int, compression: str) -> Row:
+def render(folder: Path, megapixels: float, threads: int, kind: str) -> Row:
     """Make the panorama in this process."""
     count, side, step = grid_of(megapixels)
     photos = [open_photo(path) for path in sorted(folder.glob("*.jpg"))]
@@ -97,30 +103,29 @@ def render(folder: Path, megapixels: float, threads: int, compression: str) -> R
     ]
     alignment = Alignment("similarity", tuple(photos), tuple(cameras), (), (), 0.0, 0.0)
     limit = LIMIT if megapixels >= BOUNDED_FROM else None
+    name, compression = FORMATS[kind]
     options, run = Options.of(compression=compression, max_memory=limit), Executor(threads)
     began = time.process_time()
     panorama = pipeline.render(alignment, options, run=run)
     planned = time.process_time()
-    write_panorama(panorama, str(folder / "panorama.tif"), options.output, run=run)
+    write_panorama(panorama, str(folder / name), options.output, run=run)
     done = time.process_time()
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     crop = panorama.plan.crop
-    return Row(
-        crop.width, crop.height, len(photos), side, compression, limit or "", planned - began, done - planned, peak
-    )
+    return Row(crop.width, crop.height, len(photos), side, kind, limit or "", planned - began, done - planned, peak)
 
 
-def measured(folder: Path, megapixels: float, threads: int, compression: str = "none") -> Row:
+def measured(folder: Path, megapixels: float, threads: int, kind: str) -> Row:
     """Make the panorama in a process of its own; its file is gone when this returns."""
-    words = ["--child", str(folder), "--compression", compression, "--threads", str(threads)]
+    words = ["--child", str(folder), "--format", kind, "--threads", str(threads)]
     command = [sys.executable, __file__, "--megapixels", str(megapixels), *words]
     done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
-    (folder / "panorama.tif").unlink()
+    (folder / FORMATS[kind][0]).unlink()
     return Row(**json.loads(done.stdout))
 
 
 def measure_all(sizes: Sequence[float], threads: int) -> list[Row]:
-    """A row for each size, and one more for the compressed one."""
+    """A row for each size and each format that it is written in."""
     rows = []
     for megapixels in sizes:
         with tempfile.TemporaryDirectory(prefix="panostitch-scaling-") as name:
@@ -128,7 +133,8 @@ def measure_all(sizes: Sequence[float], threads: int) -> list[Row]:
             # in a process of its own as well: a child may be booked with the memory of the process it comes from
             command = [sys.executable, __file__, "--megapixels", str(megapixels), "--prepare", name]
             subprocess.run(command, check=True)
-            kinds = ("none", "deflate") if megapixels == MEASURE else ("none",)
+            count = len(FORMATS) if megapixels == MEASURE else 2 if megapixels >= BOUNDED_FROM else 1
+            kinds = list(FORMATS)[:count]
             rows += [measured(folder, megapixels, threads, kind) for kind in kinds]
             print(*(asdict(row) for row in rows[-len(kinds) :]), sep="\n", file=sys.stderr)
     return rows
@@ -136,7 +142,7 @@ def measure_all(sizes: Sequence[float], threads: int) -> list[Row]:
 
 def page(rows: Sequence[Row], sizes: str, threads: int) -> str:
     """The table as Markdown."""
-    unit = next((row for row in rows if abs(row.megapixels - MEASURE) < 1 and row.compression == "none"), rows[0])
+    unit = next((row for row in rows if abs(row.megapixels - MEASURE) < 1 and row.format == "TIFF"), rows[0])
     lines = [
         "# How rendering scales",
         "",
@@ -150,14 +156,14 @@ def page(rows: Sequence[Row], sizes: str, threads: int) -> str:
         f"megapixel, as a multiple of the row of {unit.megapixels:.0f} megapixels. Memory is what the process held at",
         "most, Python and its libraries included.",
         "",
-        "| megapixels | picture | photos | compression | `--max-memory` | CPU s | relative | plan | memory MB |",
+        "| megapixels | picture | photos | file | `--max-memory` | CPU s | relative | plan | memory MB |",
         "|---:|---|---|---|---|---:|---:|---:|---:|",
     ]
     for row in rows:
         seconds = row.plan + row.tiles
         lines.append(
             f"| {row.megapixels:.0f} | {row.width} x {row.height} | {row.photos} of {row.photo_side}² px "
-            f"| {row.compression} | {row.limit or '-'} | {seconds:.1f} | {row.per_megapixel / unit.per_megapixel:.2f} "
+            f"| {row.format} | {row.limit or '-'} | {seconds:.1f} | {row.per_megapixel / unit.per_megapixel:.2f} "
             f"| {row.plan / seconds:.0%} | {row.peak / 2**20:.0f} |"
         )
     lines += [
@@ -176,12 +182,12 @@ def main() -> None:
     parser.add_argument("--output", type=Path)
     parser.add_argument("--prepare", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--child", type=Path, help=argparse.SUPPRESS)
-    parser.add_argument("--compression", default="none", help=argparse.SUPPRESS)
+    parser.add_argument("--format", choices=FORMATS, default="TIFF", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.prepare:
         make_photos(given.prepare, given.megapixels[0])
     elif given.child:
-        print(json.dumps(asdict(render(given.child, given.megapixels[0], given.threads, given.compression))))
+        print(json.dumps(asdict(render(given.child, given.megapixels[0], given.threads, given.format))))
     else:
         text = page(
             measure_all(given.megapixels, given.threads), " ".join(f"{n:g}" for n in given.megapixels), given.threads

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from panostitch.errors import LimitError, UsageError
-from panostitch.io.png import band_bytes
+from panostitch.io import jpeg, png
 from panostitch.io.rendering import Rendering, columns_of, tiles_of
 from panostitch.model.canvas import Region
 from panostitch.model.panorama import Panorama
@@ -16,8 +16,9 @@ TIFF = (".tif", ".tiff")
 JPEG = (".jpg", ".jpeg")
 DEEP = (".png", ".tif", ".tiff")  # can hold 16 bits a channel
 SIDES = {".jpg": 65_500, ".jpeg": 65_500, ".webp": 16_383}  # px, where a format has a limit that matters
-# bytes a pixel that pictures of so many channels take while they are encoded whole
-ENCODING = {".jpg": {3: 6}, ".jpeg": {3: 6}, ".webp": {3: 11, 4: 15}}
+WHOLE = {3: 11, 4: 15}  # bytes a pixel that a WebP of so many channels takes while it is encoded
+# rows of the picture as large as what a thread takes while it encodes a strip, in the formats that are written so
+ENCODING = {".jpg": 3 * jpeg.ROWS, ".jpeg": 3 * jpeg.ROWS, ".png": 6 * png.ROWS}
 FINISHED = 6  # tiles a thread, encoded or not, that wait until they are written
 NO_STREAM = (
     "write a .tif, which is written as it is made; allow more with --max-memory; or make it smaller with --scale"
@@ -63,21 +64,17 @@ def depth_for(panorama: Panorama, path: str, asked: str) -> tuple[int, tuple[str
     return deepest, ()
 
 
-def channels_in(picture: Rendering, path: str) -> int:
-    """Of the file: a JPEG has no alpha."""
-    return 3 if Path(path).suffix.lower() in JPEG else picture.channels
-
-
 def need(picture: Rendering, path: str) -> Need:
     """What it takes to write a picture in the format of a path."""
-    crop, channels, extension = picture.crop, channels_in(picture, path), Path(path).suffix.lower()
-    pixel = channels * picture.depth // 8
-    held = 2 * band_bytes(crop, pixel) if extension == ".png" else 0
-    if extension in ENCODING:
-        held = crop.area * ENCODING[extension][channels]
-    tiles = columns_of(crop) if extension in ENCODING else tiles_of(crop)
+    crop, extension, pixel = picture.crop, Path(path).suffix.lower(), picture.pixel_bytes
+    tiles = tiles_of(crop)
     each = max(map(picture.panorama.cost, tiles)) + FINISHED * max(tile.area for tile in tiles) * pixel
-    return Need(each, picture.panorama.kept(tiles) + held)
+    if extension in ENCODING:
+        each += min(ENCODING[extension], crop.height) * crop.width * pixel
+        return Need(each, min(picture.by_rows, picture.by_columns))
+    if extension == ".webp":
+        return Need(each, crop.area * WHOLE[picture.channels] + picture.panorama.kept(columns_of(crop)))
+    return Need(each, picture.panorama.kept(tiles))
 
 
 def bounded(picture: Rendering, path: str, options: OutputOptions) -> Executor:

@@ -5,15 +5,12 @@ OpenCV and Pillow want the whole picture; pypng takes rows, but compresses them 
 
 import struct
 import zlib
-from collections.abc import Iterator
 from typing import IO
 
 import numpy as np
 
 from panostitch.io.embed import Embedded, png_chunks
-from panostitch.io.rendering import TILE, Pixels, Rendering, Samples
-from panostitch.model.canvas import Region
-from panostitch.runtime.executor import Executor
+from panostitch.io.rendering import Pixels, Rendering, Samples
 
 LEVEL = 3  # a quarter of the time of the best compression for a few per cent of size
 ROWS = 64  # compressed at once, in a thread; always as many, so that threads do not change the bytes
@@ -29,45 +26,24 @@ def write_png(file: IO[bytes], picture: Rendering, own: Embedded) -> None:
     for name, data in png_chunks(own):
         _chunk(file, name, data)
     _chunk(file, b"IDAT", b"\x78\x01")  # deflate, window of 32 kB
-    checksum, run = zlib.adler32(b""), Executor(picture.run.threads)
-    for band in _bands(picture):
-        slices = [band[first : first + ROWS + 1] for first in range(0, len(band) - 1, ROWS)]
-        for compressed, plain in run.map(_compressed, slices, label="Compressing", ahead=run.threads):
-            checksum = zlib.adler32(plain.data, checksum)
-            _chunk(file, b"IDAT", compressed)
+    checksum = zlib.adler32(b"")
+    for compressed, plain in picture.strips(ROWS, _compressed, label="Compressing"):
+        checksum = zlib.adler32(plain.data, checksum)
+        _chunk(file, b"IDAT", compressed)
     _chunk(file, b"IDAT", zlib.compressobj(wbits=-15).flush() + struct.pack(">I", checksum))
     _chunk(file, b"IEND", b"")
 
 
-def band_bytes(crop: Region, pixel_bytes: int) -> int:
-    """Bytes of memory that a row of tiles takes."""
-    return crop.width * min(crop.height, TILE // 2) * pixel_bytes
-
-
-def _bands(picture: Rendering) -> Iterator[Pixels]:
-    """The rows (1 + h, width, bytes of a pixel) of each row of tiles, below the last one before them, or zeros."""
-    crop, above = picture.crop, np.zeros((1, picture.crop.width, picture.pixel_bytes), np.uint8)
-    band = above
-    for region, tile in picture.map(lambda region, tile: (region, tile)):
-        if region.x == crop.x:
-            band = np.empty((1 + region.height, crop.width, picture.pixel_bytes), np.uint8)
-            band[:1] = above
-        band[1:, region.x - crop.x : region.right - crop.x] = _in_bytes(tile)
-        if region.right == crop.right:
-            above = band[-1:].copy()
-            yield band
-
-
-def _in_bytes(tile: Samples) -> Pixels:
-    """Pixels (h, w, channels) as bytes (h, w, bytes of a pixel), the high byte of 16 bits first."""
-    return tile.astype(">u2").view(np.uint8) if tile.dtype == np.uint16 else np.asarray(tile, np.uint8)
-
-
-def _compressed(rows: Pixels) -> tuple[bytes, Pixels]:
+def _compressed(rows: Samples, above: Samples) -> tuple[bytes, Pixels]:
     """Filtered rows as a piece of a deflate stream that ends at a whole byte, and uncompressed for the checksum."""
-    plain = _filtered(rows)
+    plain = _filtered(_in_bytes(np.concatenate([above, rows])))
     deflate = zlib.compressobj(LEVEL, wbits=-15)
     return deflate.compress(plain.data) + deflate.flush(zlib.Z_SYNC_FLUSH), plain
+
+
+def _in_bytes(rows: Samples) -> Pixels:
+    """Pixels (h, w, channels) as bytes (h, w, bytes of a pixel), the high byte of 16 bits first."""
+    return rows.astype(">u2").view(np.uint8) if rows.dtype == np.uint16 else np.asarray(rows, np.uint8)
 
 
 def _filtered(rows: Pixels) -> Pixels:

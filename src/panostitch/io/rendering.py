@@ -100,15 +100,51 @@ class Rendering:
         pixels, mask = read_tile(self.panorama, region, self.depth)
         return pixels if self.channels == 3 else np.asarray(cv2.merge([pixels, mask]))
 
-    def whole(self, channels: int) -> Pixels:
-        """The whole picture (h, w, channels) of 8 bits; a fourth channel that it does not have means nothing."""
-        picture = np.empty((self.crop.height, self.crop.width, channels), np.uint8)
+    @property
+    def by_rows(self) -> int:
+        """Bytes that are held where each row of tiles is written when it is made: two rows, and their photos."""
+        row = self.crop.width * min(self.crop.height, TILE // 2) * self.pixel_bytes
+        return 2 * row + self.panorama.kept(tiles_of(self.crop))
+
+    @property
+    def by_columns(self) -> int:
+        """Bytes that are held where the whole picture is made first: itself, and the photos of a column."""
+        return self.crop.area * self.pixel_bytes + self.panorama.kept(columns_of(self.crop))
+
+    def strips(self, rows: int, work: Callable[[Samples, Samples], Result], *, label: str) -> Iterator[Result]:
+        """What `work` makes of every `rows` rows (h, width, channels), from the top, in threads.
+
+        It gets the row above them (1, width, channels) as well; above the first one there are zeros. TILE / 2 is a
+        multiple of `rows`.
+        """
+        above = np.zeros((1, self.crop.width, self.channels), DTYPES[self.depth])
+        for band in self._rows() if self.by_rows <= self.by_columns else self._rows_of_whole():
+            tops = range(0, len(band), rows)
+            strips = [(band[top : top + rows], band[top - 1 : top] if top else above) for top in tops]
+            threads = self.run.threads
+            yield from Executor(threads).map(lambda strip: work(*strip), strips, label=label, ahead=threads)
+            above = band[-1:].copy()
+
+    def _rows(self) -> Iterator[Samples]:
+        """The rows of tiles (h, width, channels)."""
+        crop = self.crop
+        row = np.empty((0, crop.width, self.channels), DTYPES[self.depth])
+        for region, tile in self.map(lambda region, tile: (region, tile)):
+            if region.x == crop.x:
+                row = np.empty((region.height, *row.shape[1:]), row.dtype)
+            row[:, region.x - crop.x : region.right - crop.x] = tile
+            if region.right == crop.right:
+                yield row
+
+    def _rows_of_whole(self) -> Iterator[Samples]:
+        picture = self.whole()
+        return (picture[top : top + TILE // 2] for top in range(0, self.crop.height, TILE // 2))
+
+    def whole(self) -> Samples:
+        """The whole picture (h, w, channels)."""
+        picture = np.empty((self.crop.height, self.crop.width, self.channels), DTYPES[self.depth])
         for region, tile in self.map(lambda region, tile: (region, tile), columns_of(self.crop)):
-            place = picture[region.within(self.crop)]
-            if self.channels < channels:
-                cv2.cvtColor(tile, cv2.COLOR_RGB2RGBA, dst=place)
-            else:
-                place[...] = tile
+            picture[region.within(self.crop)] = tile
         return picture
 
 

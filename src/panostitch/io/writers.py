@@ -1,6 +1,6 @@
 """Writing panoramas: tile by tile, to a file that takes its place when it is whole.
 
-TIFF and PNG are written as their tiles come. JPEG and WebP are made of the whole picture, which their encoders want.
+TIFF, PNG and JPEG are written as their tiles come. WebP is made of the whole picture, which its encoder wants.
 """
 
 import io
@@ -18,6 +18,7 @@ from panostitch.errors import OutputError
 from panostitch.io.atomic import replacing, write_bytes
 from panostitch.io.carried import carried, software
 from panostitch.io.embed import Embedded
+from panostitch.io.jpeg import write_jpeg
 from panostitch.io.limits import JPEG, TIFF, bounded, check_depth, check_sides, depth_for
 from panostitch.io.partial import FinishedTiles
 from panostitch.io.png import write_png
@@ -42,7 +43,6 @@ __all__ = [
 
 EXTENSIONS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp")
 NOTHING_ELSE = Embedded()
-MODES = {3: "RGB", 4: "RGBA"}
 PNG_LEVEL = 3  # a quarter of the time of the best compression for a few per cent of size
 
 
@@ -126,9 +126,10 @@ def encode_panorama(
         write_tiff(file, path, picture, options, own)
     elif extension == ".png":
         write_png(file, picture, own)
+    elif extension in JPEG:
+        write_jpeg(file, path, picture, options.quality, own)
     else:
-        channels = 4 if extension in JPEG else picture.channels  # Pillow reads such rows as they are in memory
-        file.write(_encoded(path, picture.whole(channels), options.quality, own))
+        file.write(_webp(path, picture.whole(), options.quality, own))
 
 
 def assemble(panorama: Panorama, *, run: Executor = serial) -> tuple[Pixels, Pixels]:
@@ -151,34 +152,27 @@ def write_picture(path: str, pixels: Pixels, mask: Pixels | None = None, *, qual
     write_bytes(path, _encoded(path, picture, quality))
 
 
-def _encoded(path: str, picture: Pixels, quality: int, own: Embedded = NOTHING_ELSE) -> memoryview:
-    """RGB or RGBA (h, w, channels), which may be overwritten, in the format of the path; a JPEG has no alpha.
-
-    Raises OutputError.
-    """
+def _encoded(path: str, picture: Pixels, quality: int) -> memoryview:
+    """RGB or RGBA (h, w, channels), which may be overwritten, in the format of the path. Raises OutputError."""
     extension = Path(path).suffix.lower()
+    if extension == ".webp":
+        return _webp(path, picture, quality, NOTHING_ELSE)
+    file = io.BytesIO()  # given a file itself, Pillow would not notice that the disk takes only a part
+    image = Image.fromarray(picture)
     try:
-        if extension == ".webp":
-            return _webp(picture, quality, own)
-        (height, width), mode = picture.shape[:2], MODES[picture.shape[2]]
-        if extension in JPEG and mode == "RGBA":
-            mode = "RGBX"
-        file = io.BytesIO()  # given a file itself, Pillow would not notice that the disk takes only a part
-        image = Image.frombuffer(mode, (width, height), picture, "raw", mode, 0, 1)
         if extension in JPEG:
-            exif = own.exif.tobytes() if own.exif else b""
-            image.save(file, "JPEG", quality=quality, exif=exif, icc_profile=own.profile, xmp=own.xmp)
+            image.save(file, "JPEG", quality=quality)
         elif extension == ".png":
             image.save(file, "PNG", compress_level=PNG_LEVEL)
         else:
             image.save(file, "TIFF", compression="tiff_lzw")
-    except (cv2.error, OSError):
+    except OSError:
         raise OutputError(f"{path}: could not be encoded") from None
     return file.getbuffer()
 
 
-def _webp(picture: Pixels, quality: int, own: Embedded) -> memoryview:
-    """By OpenCV, which takes a quarter to a third less memory for it than Pillow."""
+def _webp(path: str, picture: Pixels, quality: int, own: Embedded) -> memoryview:
+    """By OpenCV, which takes a quarter to a third less memory for it than Pillow; the picture may be overwritten."""
     cv2.cvtColor(picture, cv2.COLOR_RGB2BGR if picture.shape[2] == 3 else cv2.COLOR_RGBA2BGRA, dst=picture)
     said = {
         cv2.IMAGE_METADATA_EXIF: own.block,
@@ -186,9 +180,11 @@ def _webp(picture: Pixels, quality: int, own: Embedded) -> memoryview:
         cv2.IMAGE_METADATA_XMP: own.xmp,
     }
     chunks = {kind: np.frombuffer(data, np.uint8) for kind, data in said.items() if data}
-    written, data = cv2.imencodeWithMetadata(
-        ".webp", picture, list(chunks), list(chunks.values()), [cv2.IMWRITE_WEBP_QUALITY, quality]
-    )
+    settings = [cv2.IMWRITE_WEBP_QUALITY, quality]
+    try:
+        written, data = cv2.imencodeWithMetadata(".webp", picture, list(chunks), list(chunks.values()), settings)
+    except cv2.error:
+        written = False
     if not written:
-        raise OSError("the encoder failed")
+        raise OutputError(f"{path}: could not be encoded")
     return data.data
