@@ -151,7 +151,7 @@ def test_what_waits_to_be_written_counts_twice():
     panorama = replace(panorama_of(covered=True), cost=lambda _: 1)  # byte, so that only the file counts
     options = OutputOptions(max_memory=str(memory.resident() + (400 << 20)))
 
-    threads = [bounded(Rendering(panorama, Executor(1000), depth=depth), ".tif", options).threads for depth in (8, 16)]
+    threads = [bounded(Rendering(panorama, Executor(1000), 3, depth), ".tif", options).threads for depth in (8, 16)]
 
     assert threads[0] // 2 - 1 <= threads[1] <= threads[0] // 2 + 1
 

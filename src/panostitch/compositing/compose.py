@@ -1,6 +1,6 @@
 """A region of the panorama at full size: warp, light, seams, fine bands over what the low bands change."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -79,7 +79,7 @@ def compose(work: Work, region: Region) -> Layer:
     return layers[0] if len(layers) == 1 else together(region, layers)
 
 
-def together(region: Region, layers: list[Layer]) -> Layer:
+def together(region: Region, layers: Iterable[Layer]) -> Layer:
     """Layers that share out a region."""
     pixels, mask = np.empty((region.height, region.width, 3), np.float32), np.empty((region.height, region.width), bool)
     for layer in layers:
@@ -164,11 +164,9 @@ class Sight:
         known = self._grids.get(photo)
         if known is None or known.camera.size != camera.size:  # that of the whole photo, made before it was read
             self._grids[photo] = blocks(camera, work.canvas, self.region)
-        pixels, mask = np.empty((part.height, part.width, 3), np.float32), np.empty((part.height, part.width), bool)
-        for band in part.tiles(part.width, max(1, IN_CACHE // part.width)):
-            layer, rows = lit(raster, self.grid(photo, band), work.plan.light, photo, work.options), band.within(part)
-            pixels[rows], mask[rows] = layer.pixels, layer.mask
-        return Layer(part, pixels, mask)
+        bands = part.tiles(part.width, max(1, IN_CACHE // part.width))
+        layers = (lit(raster, self.grid(photo, band), work.plan.light, photo, work.options) for band in bands)
+        return next(layers) if len(bands) == 1 else together(part, layers)
 
 
 def lit(raster: Raster, grid: Blocks, light: Light, photo: int, options: CompositingOptions) -> Layer:

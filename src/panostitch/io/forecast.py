@@ -4,7 +4,7 @@ import io
 import time
 from dataclasses import dataclass, replace
 
-from panostitch.io.limits import bounded, check_sides, depth_for, need
+from panostitch.io.limits import bounded, channels_in, check_sides, depth_for, need
 from panostitch.io.rendering import Rendering, tiles_of
 from panostitch.io.writers import encode_panorama
 from panostitch.model.canvas import Region
@@ -28,7 +28,7 @@ class Forecast:
 def forecast(panorama: Panorama, path: str, options: OutputOptions, *, run: Executor) -> Forecast:
     """Memory for a panorama. Raises LimitError where its format is too small, or --max-memory."""
     check_sides(path, panorama.plan.crop)
-    picture = Rendering(panorama, run, depth=depth_for(panorama, path, options.depth)[0])
+    picture = Rendering(panorama, run, channels_in(panorama, path), depth_for(panorama, path, options.depth)[0])
     threads = min(bounded(picture, path, options).threads, len(tiles_of(panorama.plan.crop)))
     needed = need(picture, path)
     return Forecast(int((resident() + needed.besides + threads * needed.each) * SLACK), threads)
@@ -55,7 +55,7 @@ def _seconds(panorama: Panorama, path: str, options: OutputOptions, tile: Region
     """What it takes to make a tile and to encode it as a picture of its own."""
     depth, _ = depth_for(panorama, path, options.depth)
     tile_alone = replace(panorama, plan=replace(panorama.plan, crop=tile), forget=keep)
-    picture = Rendering(tile_alone, Executor(), depth=depth)
+    picture = Rendering(tile_alone, Executor(), channels_in(panorama, path), depth)
     began = time.perf_counter()
     encode_panorama(io.BytesIO(), path, picture, replace(options, pyramid="none"))
     return time.perf_counter() - began

@@ -18,18 +18,17 @@ from panostitch.model.canvas import Region
 
 UNIT = 16  # px, side of what is encoded at once, as colours have half the resolution
 ROWS = 256  # of a strip: even of 65,500 px as many units as a restart interval can count, 65,535
-CONVERSIONS = {3: cv2.COLOR_RGB2BGR, 4: cv2.COLOR_RGBA2BGR}  # by channels; what nobody saw is black already
 FRAME, RESTART, START, END, SCAN, INTERVAL, APPLICATION = 0xC0, 0xD0, 0xD8, 0xD9, 0xDA, 0xDD, range(0xE0, 0xF0)
 Segments = list[tuple[int, bytes]]  # markers, and what follows each but its length
 
 
 def write_jpeg(file: IO[bytes], path: str, picture: Rendering, quality: int, own: Embedded) -> None:
-    """Write RGB, black where no photo is; one row of tiles is in memory at a time. Raises OutputError."""
+    """Write a picture of three channels. Raises OutputError."""
     wanted = [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420]
 
     def encoded(strip: Samples, _: Samples) -> tuple[Segments, bytes]:
         try:
-            written, data = cv2.imencode(".jpg", cv2.cvtColor(strip, CONVERSIONS[picture.channels]), wanted)
+            written, data = cv2.imencode(".jpg", cv2.cvtColor(strip, cv2.COLOR_RGB2BGR), wanted)
         except cv2.error:
             written = False
         if not written:

@@ -64,6 +64,11 @@ def depth_for(panorama: Panorama, path: str, asked: str) -> tuple[int, tuple[str
     return deepest, ()
 
 
+def channels_in(panorama: Panorama, path: str) -> int:
+    """Of the file: a JPEG has no alpha."""
+    return 3 if Path(path).suffix.lower() in JPEG else panorama.channels
+
+
 def need(picture: Rendering, path: str) -> Need:
     """What it takes to write a picture in the format of a path."""
     crop, extension, pixel = picture.crop, Path(path).suffix.lower(), picture.pixel_bytes

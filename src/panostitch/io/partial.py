@@ -23,6 +23,7 @@ import PIL
 import scipy
 
 from panostitch.errors import OutputError
+from panostitch.io.limits import channels_in
 from panostitch.io.rendering import DTYPES, Samples, tiles_of
 from panostitch.model.alignment import Alignment
 from panostitch.model.canvas import Region
@@ -79,7 +80,7 @@ def finished_tiles(path: str, key: str, panorama: Panorama, depth: int = 8) -> I
 
     Their file is gone when the block ends without an error, and stays for the next run if not. Raises OutputError.
     """
-    crop, channels = panorama.plan.crop, panorama.channels
+    crop, channels = panorama.plan.crop, channels_in(panorama, path)
     place = Path(path + EXTENSION)
     facts = {
         "format": FORMAT,

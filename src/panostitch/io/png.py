@@ -19,7 +19,7 @@ SUB, UP = 1, 2
 
 
 def write_png(file: IO[bytes], picture: Rendering, own: Embedded) -> None:
-    """Write RGB, or RGBA where photos do not cover everything; one row of tiles is in memory at a time."""
+    """Write RGB, or RGBA where photos do not cover everything."""
     crop, kind = picture.crop, COLOUR_TYPES[picture.channels]
     file.write(b"\x89PNG\r\n\x1a\n")
     _chunk(file, b"IHDR", struct.pack(">IIBBBBB", crop.width, crop.height, picture.depth, kind, 0, 0, 0))

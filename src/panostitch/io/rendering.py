@@ -56,19 +56,15 @@ class Rendering:
 
     panorama: Panorama
     run: Executor
+    channels: int  # 3, or 4 with alpha
+    depth: int = 8  # bits of a channel, 8 or 16
     preview: Preview | None = None
     finished: Finished | None = None
-    depth: int = 8  # bits of a channel, 8 or 16
 
     @property
     def crop(self) -> Region:
         """The part of the canvas that is written."""
         return self.panorama.plan.crop
-
-    @property
-    def channels(self) -> int:
-        """3, or 4 with alpha, where the photos do not cover the whole picture."""
-        return self.panorama.channels
 
     @property
     def pixel_bytes(self) -> int:

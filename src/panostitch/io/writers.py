@@ -19,7 +19,7 @@ from panostitch.io.atomic import replacing, write_bytes
 from panostitch.io.carried import carried, software
 from panostitch.io.embed import Embedded
 from panostitch.io.jpeg import write_jpeg
-from panostitch.io.limits import JPEG, TIFF, bounded, check_depth, check_sides, depth_for
+from panostitch.io.limits import JPEG, TIFF, bounded, channels_in, check_depth, check_sides, depth_for
 from panostitch.io.partial import FinishedTiles
 from panostitch.io.png import write_png
 from panostitch.io.rendering import Pixels, Preview, Rendering, read_tile, tiles_of
@@ -96,7 +96,7 @@ def write_panorama(
     check_sides(path, crop)
     depth, notes = depth_for(panorama, path, options.depth)
     preview = None if trace is silent else Preview(crop)
-    picture = Rendering(panorama, run, preview, finished, depth)
+    picture = Rendering(panorama, run, channels_in(panorama, path), depth, preview, finished)
     picture = replace(picture, run=bounded(picture, path, options))
     own, more = _metadata(panorama, options.metadata)
     with replacing(path) as file:
