@@ -133,8 +133,8 @@ def measure_all(sizes: Sequence[float], threads: int) -> list[Row]:
             # in a process of its own as well: a child may be booked with the memory of the process it comes from
             command = [sys.executable, __file__, "--megapixels", str(megapixels), "--prepare", name]
             subprocess.run(command, check=True)
-            count = len(FORMATS) if megapixels == MEASURE else 2 if megapixels >= BOUNDED_FROM else 1
-            kinds = list(FORMATS)[:count]
+            large = ("TIFF", "JPEG") if megapixels >= BOUNDED_FROM else ("TIFF",)
+            kinds = tuple(FORMATS) if megapixels == MEASURE else large
             rows += [measured(folder, megapixels, threads, kind) for kind in kinds]
             print(*(asdict(row) for row in rows[-len(kinds) :]), sep="\n", file=sys.stderr)
     return rows

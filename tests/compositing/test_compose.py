@@ -11,7 +11,7 @@ import pytest
 from compositing.mosaics import alignment_of, panorama_of, shifted
 from panostitch.compositing import lay_out, make_panorama, make_plan, plan
 from panostitch.compositing.compose import Sight
-from panostitch.compositing.cost import decoded_bytes, kept_bytes
+from panostitch.compositing.cost import decoded_bytes
 from panostitch.compositing.seams import SEAMS
 from panostitch.io.writers import assemble
 from panostitch.model.canvas import Region
@@ -361,7 +361,7 @@ def test_fewer_photos_are_kept_by_columns_than_by_rows(monkeypatch, ring):
     assert panorama.kept(rows) == len(ring.photos) * photo
     # the photo across the edge of the turn, and those that meet in one column of tiles
     assert 2 * photo <= panorama.kept(columns) <= 4 * photo
-    assert kept_bytes(ring.photos, panorama.photos, photo, rows) == photo
+    assert replace(panorama, budget=photo).kept(rows) == photo
 
 
 def test_what_a_tile_takes_is_not_more_than_was_said(monkeypatch, ring):

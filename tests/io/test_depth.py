@@ -14,7 +14,7 @@ from compositing.mosaics import alignment_of, shifted
 from deep import deep_photo
 from panostitch.errors import UsageError
 from panostitch.io import tiff, writers
-from panostitch.io.limits import bounded
+from panostitch.io.limits import arranged
 from panostitch.io.rendering import Rendering, read_tile
 from panostitch.model.canvas import Canvas, Layer, Region
 from panostitch.model.light import unchanged
@@ -151,7 +151,8 @@ def test_what_waits_to_be_written_counts_twice():
     panorama = replace(panorama_of(covered=True), cost=lambda _: 1)  # byte, so that only the file counts
     options = OutputOptions(max_memory=str(memory.resident() + (400 << 20)))
 
-    threads = [bounded(Rendering(panorama, Executor(1000), 3, depth), ".tif", options).threads for depth in (8, 16)]
+    pictures = [Rendering(panorama, Executor(1000), 3, depth) for depth in (8, 16)]
+    threads = [arranged(picture, "a.tif", options).run.threads for picture in pictures]
 
     assert threads[0] // 2 - 1 <= threads[1] <= threads[0] // 2 + 1
 

@@ -17,7 +17,8 @@ import tifffile
 from PIL import Image
 
 from panostitch.errors import LimitError, OutputError, UsageError
-from panostitch.io import png, tiff, writers
+from panostitch.io import rendering, tiff, writers
+from panostitch.io.limits import arranged
 from panostitch.model.canvas import Canvas, Layer, Region
 from panostitch.model.panorama import Panorama, Plan
 from panostitch.options import OutputOptions
@@ -108,8 +109,8 @@ def test_strips_of_a_jpeg_are_what_an_encoder_makes_of_the_whole(size, covered, 
 @pytest.mark.parametrize(("name", "depth"), [("a.jpg", "8"), ("a.png", "8"), ("a.png", "16")])
 def test_the_order_of_the_tiles_does_not_change_a_byte(name, depth, tmp_path):
     rows, columns = (
-        write(tmp_path / f"{number}{name}", replace(panorama_of(), kept=kept), depth=depth)
-        for number, kept in enumerate((panorama_of().kept, row_or_column))
+        write(tmp_path / f"{number}{name}", replace(panorama_of(), shown=shown), depth=depth)
+        for number, shown in enumerate((panorama_of().shown, row_or_column))
     )
 
     assert rows.read_bytes() == columns.read_bytes()
@@ -301,6 +302,24 @@ def test_too_little_memory_is_said_before_a_tile_is_made(name, limit, tmp_path):
     assert not any(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize(
+    ("name", "limit", "by_columns"),
+    [
+        ("a.jpg", None, True),
+        ("a.jpg", "4G", True),
+        ("a.jpg", "900M", False),
+        ("a.png", None, True),
+        ("a.tif", None, False),
+    ],
+)
+def test_the_whole_picture_is_made_first_where_photos_take_more_and_it_fits(name, limit, by_columns):
+    # 1.2 GB, of photos that take a terabyte where they are kept for a row of tiles, of which few are kept
+    panorama = replace(panorama_of(Region(0, 0, 20_001, 20_000), covered=True), shown=row_or_column, budget=1 << 20)
+    picture = rendering.Rendering(panorama, Executor(), 3)
+
+    assert arranged(picture, name, OutputOptions(max_memory=limit)).by_columns == by_columns
+
+
 def test_the_pixels_do_not_depend_on_the_limit_of_memory(tmp_path):
     free, bound = write(tmp_path / "a.tif"), write(tmp_path / "b.tif", threads=4, max_memory="1G")
 
@@ -309,7 +328,7 @@ def test_the_pixels_do_not_depend_on_the_limit_of_memory(tmp_path):
 
 def test_the_rows_of_a_png_are_compressed_in_slices_that_end_anywhere(tmp_path, monkeypatch):
     whole = write(tmp_path / "a.png")
-    monkeypatch.setattr(png, "ROWS", 7)
+    monkeypatch.setattr(rendering, "STRIP", 7)
 
     other = write(tmp_path / "b.png")
 
@@ -373,7 +392,7 @@ def test_a_photo_is_dropped_after_the_last_tile_that_shows_it(tmp_path, name):
         panorama_of(read=read),
         photos=shown,
         forget=lambda photo: told.append(("forget", photo, None)),
-        kept=row_or_column,
+        shown=row_or_column,
     )
     write(tmp_path / name, panorama, threads=1)
 

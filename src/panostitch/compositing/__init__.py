@@ -3,7 +3,7 @@
 from functools import partial
 
 from panostitch.compositing.compose import Work, compose
-from panostitch.compositing.cost import decoding_bytes, kept_bytes, photo_budget, tile_bytes
+from panostitch.compositing.cost import decoding_bytes, photo_budget, shown_bytes, tile_bytes
 from panostitch.compositing.cube import make_cube
 from panostitch.compositing.frame import frame
 from panostitch.compositing.layout import lay_out
@@ -30,6 +30,7 @@ def make_panorama(
         work.photos,
         work.decoded.forget,
         partial(tile_bytes, work),
-        partial(kept_bytes, alignment.photos, work.photos, budget),
+        partial(shown_bytes, alignment.photos, work.photos),
+        budget,
         alignment,
     )

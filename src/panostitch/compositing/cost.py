@@ -27,21 +27,21 @@ def tile_bytes(work: Work, region: Region) -> int:
     return region.area * REGION_PIXEL + joined + decoding_bytes(work.alignment.photos)
 
 
-def kept_bytes(
-    photos: Sequence[Photo], of_region: Callable[[Region], frozenset[int]], budget: int, regions: Sequence[Region]
+def shown_bytes(
+    photos: Sequence[Photo], of_region: Callable[[Region], frozenset[int]], regions: Sequence[Region]
 ) -> int:
-    """Bytes that the photos take which are in memory at once when these regions are read in their order.
+    """Bytes that the photos take which are needed at once when these regions are read in their order.
 
     of_region: the numbers of the photos that a region is made of
     """
     shown = [of_region(region) for region in regions]
     last = {photo: number for number, own in enumerate(shown) for photo in own}
-    most, kept = 0, set[int]()
+    most, needed = 0, set[int]()
     for number, own in enumerate(shown):
-        kept |= own
-        most = max(most, decoded_bytes([photos[photo] for photo in kept if photo != NOBODY]))
-        kept -= {photo for photo in kept if last[photo] == number}
-    return min(budget, most)
+        needed |= own
+        most = max(most, decoded_bytes([photos[photo] for photo in needed if photo != NOBODY]))
+        needed -= {photo for photo in needed if last[photo] == number}
+    return most
 
 
 def decoding_bytes(photos: Sequence[Photo]) -> int:

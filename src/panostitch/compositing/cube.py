@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from panostitch.compositing.compose import Work, compose, together
-from panostitch.compositing.cost import kept_bytes, photo_budget, tile_bytes
+from panostitch.compositing.cost import photo_budget, shown_bytes, tile_bytes
 from panostitch.compositing.crop import Crop
 from panostitch.compositing.frame import window
 from panostitch.compositing.layout import cannot_be_flat, check_size, lay_out
@@ -88,7 +88,8 @@ def make_cube(
         shown,
         faces[0].work.decoded.forget,
         partial(_cost, faces),
-        partial(kept_bytes, alignment.photos, shown, budget),
+        partial(shown_bytes, alignment.photos, shown),
+        budget,
         alignment,
     )
 

@@ -4,7 +4,7 @@ import io
 import time
 from dataclasses import dataclass, replace
 
-from panostitch.io.limits import bounded, channels_in, check_sides, depth_for, need
+from panostitch.io.limits import arranged, channels_in, check_sides, depth_for, need
 from panostitch.io.rendering import Rendering, tiles_of
 from panostitch.io.writers import encode_panorama
 from panostitch.model.canvas import Region
@@ -28,8 +28,9 @@ class Forecast:
 def forecast(panorama: Panorama, path: str, options: OutputOptions, *, run: Executor) -> Forecast:
     """Memory for a panorama. Raises LimitError where its format is too small, or --max-memory."""
     check_sides(path, panorama.plan.crop)
-    picture = Rendering(panorama, run, channels_in(panorama, path), depth_for(panorama, path, options.depth)[0])
-    threads = min(bounded(picture, path, options).threads, len(tiles_of(panorama.plan.crop)))
+    depth, _ = depth_for(panorama, path, options.depth)
+    picture = arranged(Rendering(panorama, run, channels_in(panorama, path), depth), path, options)
+    threads = min(picture.run.threads, len(tiles_of(panorama.plan.crop)))
     needed = need(picture, path)
     return Forecast(int((resident() + needed.besides + threads * needed.each) * SLACK), threads)
 

@@ -13,11 +13,10 @@ from PIL import Image
 
 from panostitch.errors import OutputError
 from panostitch.io.embed import Embedded
-from panostitch.io.rendering import Rendering, Samples
+from panostitch.io.rendering import STRIP, Rendering, Samples
 from panostitch.model.canvas import Region
 
 UNIT = 16  # px, side of what is encoded at once, as colours have half the resolution
-ROWS = 256  # of a strip: even of 65,500 px as many units as a restart interval can count, 65,535
 FRAME, RESTART, START, END, SCAN, INTERVAL, APPLICATION = 0xC0, 0xD0, 0xD8, 0xD9, 0xDA, 0xDD, range(0xE0, 0xF0)
 Segments = list[tuple[int, bytes]]  # markers, and what follows each but its length
 
@@ -35,7 +34,7 @@ def write_jpeg(file: IO[bytes], path: str, picture: Rendering, quality: int, own
             raise OutputError(f"{path}: could not be encoded")
         return _parted(data.tobytes())
 
-    for count, (head, scan) in enumerate(picture.strips(ROWS, encoded, label="Encoding")):
+    for count, (head, scan) in enumerate(picture.strips(encoded)):
         before = _marker(RESTART + (count - 1) % 8) if count else _head(head, picture.crop, own)
         file.write(before + scan)
     file.write(_marker(END))
@@ -62,7 +61,7 @@ def _head(strip: Segments, crop: Region, own: Embedded) -> bytes:
             segments.append((kind, content[:1] + struct.pack(">HH", crop.height, crop.width) + content[5:]))
         elif kind not in APPLICATION:
             segments.append((kind, content))
-    units = -(-crop.width // UNIT) * (ROWS // UNIT)
+    units = -(-crop.width // UNIT) * (STRIP // UNIT)
     segments.insert(-1, (INTERVAL, struct.pack(">H", units)))
     return _marker(START) + b"".join(
         _marker(kind) + struct.pack(">H", 2 + len(content)) + content for kind, content in segments

@@ -1,28 +1,23 @@
 """What file formats can hold, and what memory it takes to write them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from panostitch.errors import LimitError, UsageError
-from panostitch.io import jpeg, png
-from panostitch.io.rendering import Rendering, columns_of, tiles_of
+from panostitch.io.rendering import STRIP, TILE, Rendering, columns_of, tiles_of
 from panostitch.model.canvas import Region
 from panostitch.model.panorama import Panorama
 from panostitch.options import OutputOptions
 from panostitch.runtime import memory
-from panostitch.runtime.executor import Executor
 
 TIFF = (".tif", ".tiff")
 JPEG = (".jpg", ".jpeg")
 DEEP = (".png", ".tif", ".tiff")  # can hold 16 bits a channel
 SIDES = {".jpg": 65_500, ".jpeg": 65_500, ".webp": 16_383}  # px, where a format has a limit that matters
 WHOLE = {3: 11, 4: 15}  # bytes a pixel that a WebP of so many channels takes while it is encoded
-# rows of the picture as large as what a thread takes while it encodes a strip, in the formats that are written so
-ENCODING = {".jpg": 3 * jpeg.ROWS, ".jpeg": 3 * jpeg.ROWS, ".png": 6 * png.ROWS}
+STRIPS = {".jpg": 4, ".jpeg": 4, ".png": 7}  # strips' bytes that a thread takes while it encodes one
 FINISHED = 6  # tiles a thread, encoded or not, that wait until they are written
-NO_STREAM = (
-    "write a .tif, which is written as it is made; allow more with --max-memory; or make it smaller with --scale"
-)
+SMALLEST = "write a .tif, which takes the least; allow more with --max-memory; or make it smaller with --scale"
 
 
 @dataclass(frozen=True)
@@ -70,22 +65,48 @@ def channels_in(panorama: Panorama, path: str) -> int:
 
 
 def need(picture: Rendering, path: str) -> Need:
-    """What it takes to write a picture in the format of a path."""
+    """What it takes to write a picture in the format of a path, tile by tile in its order."""
     crop, extension, pixel = picture.crop, Path(path).suffix.lower(), picture.pixel_bytes
-    tiles = tiles_of(crop)
+    tiles = columns_of(crop) if picture.by_columns else tiles_of(crop)
     each = max(map(picture.panorama.cost, tiles)) + FINISHED * max(tile.area for tile in tiles) * pixel
-    if extension in ENCODING:
-        each += min(ENCODING[extension], crop.height) * crop.width * pixel
-        return Need(each, min(picture.by_rows, picture.by_columns))
-    if extension == ".webp":
-        return Need(each, crop.area * WHOLE[picture.channels] + picture.panorama.kept(columns_of(crop)))
-    return Need(each, picture.panorama.kept(tiles))
+    each += STRIPS.get(extension, 0) * min(STRIP, crop.height) * crop.width * pixel
+    return Need(each, _held(picture, extension) + picture.panorama.kept(tiles))
 
 
-def bounded(picture: Rendering, path: str, options: OutputOptions) -> Executor:
-    """The threads that --max-memory allows. Raises LimitError where it allows none."""
-    if options.memory is None:
-        return picture.run
+def arranged(picture: Rendering, path: str, options: OutputOptions) -> Rendering:
+    """The picture with its tiles in the better order, and as many threads as --max-memory allows.
+
+    Raises LimitError where it allows none.
+    """
+    picture = replace(picture, by_columns=_by_columns(picture, path, options.memory))
     needed = need(picture, path)
-    hint = "" if Path(path).suffix.lower() in TIFF else NO_STREAM
-    return memory.within(picture.run, options.memory, each=needed.each, besides=needed.besides, hint=hint)
+    hint = "" if Path(path).suffix.lower() in TIFF else SMALLEST
+    run = memory.within(picture.run, options.memory, each=needed.each, besides=needed.besides, hint=hint)
+    return replace(picture, run=run)
+
+
+def _by_columns(picture: Rendering, path: str, limit: int | None) -> bool:
+    """Whether the whole picture is made first, as WebP wants it.
+
+    It may take less memory than the photos that a row of tiles shows, which would else be decoded for each row anew.
+    """
+    extension = Path(path).suffix.lower()
+    if extension not in STRIPS:
+        return extension == ".webp"
+    whole = replace(picture, by_columns=True)
+    needed = need(whole, path)
+    by_columns, by_rows = (
+        _held(order, extension) + order.panorama.shown(tiles)
+        for order, tiles in ((whole, columns_of(picture.crop)), (picture, tiles_of(picture.crop)))
+    )
+    return by_columns < by_rows and memory.threads_within(limit, each=needed.each, besides=needed.besides) > 0
+
+
+def _held(picture: Rendering, extension: str) -> int:
+    """Bytes of the picture that are in memory besides the tiles at work."""
+    crop, pixel = picture.crop, picture.pixel_bytes
+    if extension == ".webp":
+        return crop.area * WHOLE[picture.channels]
+    if picture.by_columns:
+        return crop.area * pixel
+    return 2 * crop.width * min(TILE // 2, crop.height) * pixel if extension in STRIPS else 0

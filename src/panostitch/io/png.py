@@ -13,7 +13,6 @@ from panostitch.io.embed import Embedded, png_chunks
 from panostitch.io.rendering import Pixels, Rendering, Samples
 
 LEVEL = 3  # a quarter of the time of the best compression for a few per cent of size
-ROWS = 64  # compressed at once, in a thread; always as many, so that threads do not change the bytes
 COLOUR_TYPES = {3: 2, 4: 6}
 SUB, UP = 1, 2
 
@@ -27,7 +26,7 @@ def write_png(file: IO[bytes], picture: Rendering, own: Embedded) -> None:
         _chunk(file, name, data)
     _chunk(file, b"IDAT", b"\x78\x01")  # deflate, window of 32 kB
     checksum = zlib.adler32(b"")
-    for compressed, plain in picture.strips(ROWS, _compressed, label="Compressing"):
+    for compressed, plain in picture.strips(_compressed):
         checksum = zlib.adler32(plain.data, checksum)
         _chunk(file, b"IDAT", compressed)
     _chunk(file, b"IDAT", zlib.compressobj(wbits=-15).flush() + struct.pack(">I", checksum))

@@ -20,6 +20,7 @@ Result = TypeVar("Result")
 TILE = 1024  # px wide, and half as high: its arrays stay small, and most tiles hold no seam
 PREVIEW = 1600  # px, longer side of the preview that goes to the trace
 DTYPES: dict[int, Dtype] = {8: np.dtype(np.uint8), 16: np.dtype(np.uint16)}  # by bits of a channel
+STRIP = 64  # px, rows that are encoded at once; always as many, so that threads do not change the bytes
 AHEAD = 2  # finished tiles a thread that may wait until they are written
 
 
@@ -60,6 +61,9 @@ class Rendering:
     depth: int = 8  # bits of a channel, 8 or 16
     preview: Preview | None = None
     finished: Finished | None = None
+    by_columns: bool = (
+        False  # whether the whole picture is made first, where not each row of tiles is written by itself
+    )
 
     @property
     def crop(self) -> Region:
@@ -96,29 +100,17 @@ class Rendering:
         pixels, mask = read_tile(self.panorama, region, self.depth)
         return pixels if self.channels == 3 else np.asarray(cv2.merge([pixels, mask]))
 
-    @property
-    def by_rows(self) -> int:
-        """Bytes that are held where each row of tiles is written when it is made: two rows, and their photos."""
-        row = self.crop.width * min(self.crop.height, TILE // 2) * self.pixel_bytes
-        return 2 * row + self.panorama.kept(tiles_of(self.crop))
+    def strips(self, work: Callable[[Samples, Samples], Result]) -> Iterator[Result]:
+        """What `work` makes of every `STRIP` rows (h, width, channels), from the top, in threads.
 
-    @property
-    def by_columns(self) -> int:
-        """Bytes that are held where the whole picture is made first: itself, and the photos of a column."""
-        return self.crop.area * self.pixel_bytes + self.panorama.kept(columns_of(self.crop))
-
-    def strips(self, rows: int, work: Callable[[Samples, Samples], Result], *, label: str) -> Iterator[Result]:
-        """What `work` makes of every `rows` rows (h, width, channels), from the top, in threads.
-
-        It gets the row above them (1, width, channels) as well; above the first one there are zeros. TILE / 2 is a
-        multiple of `rows`.
+        It gets the row above them (1, width, channels) as well; above the first one there are zeros.
         """
         above = np.zeros((1, self.crop.width, self.channels), DTYPES[self.depth])
-        for band in self._rows() if self.by_rows <= self.by_columns else self._rows_of_whole():
-            tops = range(0, len(band), rows)
-            strips = [(band[top : top + rows], band[top - 1 : top] if top else above) for top in tops]
-            threads = self.run.threads
-            yield from Executor(threads).map(lambda strip: work(*strip), strips, label=label, ahead=threads)
+        run = Executor(self.run.threads)
+        for band in self._rows_of_whole() if self.by_columns else self._rows():
+            tops = range(0, len(band), STRIP)
+            strips = [(band[top : top + STRIP], band[top - 1 : top] if top else above) for top in tops]
+            yield from run.map(lambda strip: work(*strip), strips, label="Encoding", ahead=run.threads)
             above = band[-1:].copy()
 
     def _rows(self) -> Iterator[Samples]:

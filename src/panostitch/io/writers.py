@@ -6,7 +6,7 @@ TIFF, PNG and JPEG are written as their tiles come. WebP is made of the whole pi
 import io
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
@@ -19,9 +19,9 @@ from panostitch.io.atomic import replacing, write_bytes
 from panostitch.io.carried import carried, software
 from panostitch.io.embed import Embedded
 from panostitch.io.jpeg import write_jpeg
-from panostitch.io.limits import JPEG, TIFF, bounded, channels_in, check_depth, check_sides, depth_for
+from panostitch.io.limits import JPEG, TIFF, arranged, channels_in, check_depth, check_sides, depth_for
 from panostitch.io.partial import FinishedTiles
-from panostitch.io.png import write_png
+from panostitch.io.png import LEVEL, write_png
 from panostitch.io.rendering import Pixels, Preview, Rendering, read_tile, tiles_of
 from panostitch.io.sphere import sphere_xmp
 from panostitch.io.tiff import write_tiff
@@ -43,7 +43,6 @@ __all__ = [
 
 EXTENSIONS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp")
 NOTHING_ELSE = Embedded()
-PNG_LEVEL = 3  # a quarter of the time of the best compression for a few per cent of size
 
 
 @dataclass(frozen=True)
@@ -96,8 +95,7 @@ def write_panorama(
     check_sides(path, crop)
     depth, notes = depth_for(panorama, path, options.depth)
     preview = None if trace is silent else Preview(crop)
-    picture = Rendering(panorama, run, channels_in(panorama, path), depth, preview, finished)
-    picture = replace(picture, run=bounded(picture, path, options))
+    picture = arranged(Rendering(panorama, run, channels_in(panorama, path), depth, preview, finished), path, options)
     own, more = _metadata(panorama, options.metadata)
     with replacing(path) as file:
         encode_panorama(file, path, picture, options, own)
@@ -163,7 +161,7 @@ def _encoded(path: str, picture: Pixels, quality: int) -> memoryview:
         if extension in JPEG:
             image.save(file, "JPEG", quality=quality)
         elif extension == ".png":
-            image.save(file, "PNG", compress_level=PNG_LEVEL)
+            image.save(file, "PNG", compress_level=LEVEL)
         else:
             image.save(file, "TIFF", compression="tiff_lzw")
     except OSError:

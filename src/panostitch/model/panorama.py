@@ -1,5 +1,6 @@
 """The panorama as a function of a region, and the plan it is made by."""
 
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -66,7 +67,8 @@ class Panorama:
     photos: from a region to the numbers of the photos that `read` looks at for it
     forget: tells that the photo of this number will not be looked at again soon
     cost: from a region to the bytes of memory that `read` takes while it works, about
-    kept: from regions that are read one after the other to the bytes that stay in memory meanwhile, at most
+    shown: from regions that are read one after the other to the bytes of the photos that are needed at once meanwhile
+    budget: bytes of photos that stay in memory at most; what is dropped for that is decoded again
     alignment: the photos and their cameras, as the canvas sees them; None where nothing is known of them
     """
 
@@ -76,8 +78,13 @@ class Panorama:
     photos: Callable[[Region], frozenset[int]] = _none_known
     forget: Callable[[int], None] = keep
     cost: Callable[[Region], int] = typical_cost
-    kept: Callable[[Sequence[Region]], int] = _no_bytes
+    shown: Callable[[Sequence[Region]], int] = _no_bytes
+    budget: int = sys.maxsize
     alignment: Alignment | None = None
+
+    def kept(self, regions: Sequence[Region]) -> int:
+        """Bytes of photos that stay in memory, at most, while these regions are read one after the other."""
+        return min(self.budget, self.shown(regions))
 
     @property
     def channels(self) -> int:

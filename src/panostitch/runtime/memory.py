@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import sys
 from contextlib import suppress
 from dataclasses import replace
 
@@ -40,6 +41,13 @@ def give_back() -> None:
         ctypes.CDLL(None).malloc_trim(0)
 
 
+def threads_within(limit: int | None, *, each: int, besides: int = 0) -> int:
+    """How many threads that take so much `each` fit below a limit, or below none; 0 where not a single one does."""
+    if limit is None:
+        return sys.maxsize
+    return max(0, int((limit / SLACK - resident() - besides) // max(each, 1)))
+
+
 def within(run: Executor, limit: int | None, *, each: int, besides: int = 0, hint: str = "") -> Executor:
     """An executor with as few threads as the limit demands.
 
@@ -50,10 +58,9 @@ def within(run: Executor, limit: int | None, *, each: int, besides: int = 0, hin
     """
     if limit is None:
         return run
-    taken = resident()
-    threads = int((limit / SLACK - taken - besides) // max(each, 1))
+    threads = threads_within(limit, each=each, besides=besides)
     if threads < 1:
-        needed = (taken + besides + each) * SLACK
+        needed = (resident() + besides + each) * SLACK
         raise LimitError(
             f"{in_words(needed)} of memory are needed, --max-memory is {in_words(limit)}",
             hint=hint or "allow more with --max-memory, or make it smaller with --scale",
