@@ -120,8 +120,29 @@ def test_one_photo_twice(call, inputs):
 
 def test_a_folder_without_photos(call, tmp_path):
     (tmp_path / "given").mkdir()
+    result = call("given", "-o", "out.jpg")
 
-    failed(call("given", "-o", "out.jpg"), USAGE, "no photos in given")
+    failed(result, USAGE, "no photos in given")
+    assert "next: photos in a folder end in .bmp, " in result.err
+
+
+def test_a_folder_of_folders_is_for_batch(call, inputs, tmp_path):
+    (tmp_path / "given" / "below").mkdir(parents=True)
+    shutil.copy(inputs[0], tmp_path / "given" / "below")
+    result = call("given", "-o", "out.jpg")
+
+    failed(result, USAGE, "no photos in given")
+    assert "panostitch batch" in result.err
+
+
+def test_a_folder_of_what_phones_write(call, tmp_path):
+    (tmp_path / "given").mkdir()
+    for name in ("1.HEIC", "2.HEIC", "notes.txt"):
+        (tmp_path / "given" / name).touch()
+    result = call("given", "-o", "out.jpg")
+
+    failed(result, USAGE, "no photos in given")
+    assert "next: 2 files end in .HEIC, which is not read: save them as JPEG" in result.err
 
 
 def test_no_overlap(call, inputs, strays):

@@ -4,6 +4,7 @@ import difflib
 import glob
 import os
 import sys
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -21,8 +22,25 @@ def photo_paths(arguments: Sequence[str]) -> list[str]:
             hint="check the spelling; nothing has been done",
         )
     if not paths:
-        raise UsageError(f"no photos in {', '.join(arguments)}" if arguments else "no photos given")
+        raise _none_in(arguments) if arguments else UsageError("no photos given")
     return paths
+
+
+def _none_in(arguments: Sequence[str]) -> UsageError:
+    """What to say where the arguments name no photo."""
+    from panostitch.io.foreign import remedy
+    from panostitch.io.readers import EXTENSIONS, photos_in
+
+    entries = [entry for folder in filter(os.path.isdir, arguments) for entry in os.scandir(folder)]
+    extensions = Counter(Path(entry.name).suffix for entry in entries if entry.is_file())
+    foreign = next((extension for extension, _ in extensions.most_common() if remedy(extension)), "")
+    if foreign:
+        hint = f"{extensions[foreign]} files end in {foreign}, which is not read: {remedy(foreign)}"
+    elif any(photos_in(entry.path) for entry in entries if entry.is_dir() and os.access(entry, os.R_OK)):
+        hint = "there are some in its sub-folders: `panostitch batch` makes a panorama of each"
+    else:
+        hint = f"photos in a folder end in {', '.join(sorted(EXTENSIONS))}"
+    return UsageError(f"no photos in {', '.join(arguments)}", hint=hint)
 
 
 def without(paths: Sequence[str], names: Sequence[str]) -> list[str]:

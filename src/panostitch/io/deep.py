@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image, TiffImagePlugin
 
 from panostitch.errors import InputError
+from panostitch.io.foreign import check_tags
 from panostitch.io.orientation import asked_for
 from panostitch.model.photo import Pixels
 
@@ -78,6 +79,7 @@ def deep_file(image: Image.Image, path: str, orientation: int) -> DeepFile | Non
     """How to read an opened picture with 16 bits; None where it has fewer. Raises InputError for what is unknown."""
     tags: Mapping[int, Any] = image.tag_v2 if isinstance(image, TiffImagePlugin.TiffImageFile) else {}
     if tags:
+        check_tags(path, tags)
         _check_kind(image.mode, tags, path)
         deep = set(tags.get(BITS, ())) == {16}
     else:

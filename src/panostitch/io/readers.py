@@ -32,6 +32,7 @@ from PIL import (
 from panostitch.errors import InputError
 from panostitch.io.colour import read_profiles, to_srgb
 from panostitch.io.deep import COPY_ANEW, InEightBits, deep_file, unknown_tiff
+from panostitch.io.foreign import check_name, known_but_unread
 from panostitch.io.metadata import read_metadata
 from panostitch.io.orientation import asked_for
 from panostitch.model.photo import Photo, Pixels, PixelSource, grey_of, natural_key
@@ -134,6 +135,7 @@ def open_photo(path: str | os.PathLike[str]) -> Photo:
         raise InputError(f"{name}: no such file")
     if os.path.isdir(name):
         raise InputError(f"{name}: is a folder", hint="to stitch every sub-folder of a folder, use `panostitch batch`")
+    check_name(name)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of Pillow, at tags that are damaged, and ignored
@@ -147,7 +149,7 @@ def open_photo(path: str | os.PathLike[str]) -> Photo:
         raise
     except UnidentifiedImageError:
         unknown = InputError(f"{name}: not a picture", hint=f"known are {', '.join(FORMATS)}")
-        raise unknown_tiff(name) or unknown from None
+        raise known_but_unread(name) or unknown_tiff(name) or unknown from None
     except READ_FAILURES as error:
         raise InputError(f"{name}: cannot be read: {str(error) or type(error).__name__}") from None
     megapixels = metadata.size[0] * metadata.size[1] / 1e6
