@@ -47,7 +47,7 @@ STAGES: list[tuple[str, MutableMapping[str, Any], str]] = [
     ("plan: low bands", BLENDER, "blend_reduced"),
     ("tiles: all else", vars(rendering), "read_tile"),
     ("putting tiles together", vars(writers), "encode_panorama"),
-    ("encoding", vars(cv2), "imencode"),
+    ("encoding", vars(cv2), "imencodeWithMetadata"),
 ]
 
 

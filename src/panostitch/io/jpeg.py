@@ -9,10 +9,11 @@ import struct
 from typing import IO
 
 import cv2
+import numpy as np
 from PIL import Image
 
-from panostitch.errors import OutputError
 from panostitch.io.embed import Embedded
+from panostitch.io.encode import encoded
 from panostitch.io.rendering import STRIP, Rendering, Samples
 from panostitch.model.canvas import Region
 
@@ -25,16 +26,11 @@ def write_jpeg(file: IO[bytes], path: str, picture: Rendering, quality: int, own
     """Write a picture of three channels. Raises OutputError."""
     wanted = [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420]
 
-    def encoded(strip: Samples, _: Samples) -> tuple[Segments, bytes]:
-        try:
-            written, data = cv2.imencode(".jpg", cv2.cvtColor(strip, cv2.COLOR_RGB2BGR), wanted)
-        except cv2.error:
-            written = False
-        if not written:
-            raise OutputError(f"{path}: could not be encoded")
-        return _parted(data.tobytes())
+    def work(strip: Samples, _: Samples) -> tuple[Segments, bytes]:
+        bgr = np.asarray(cv2.cvtColor(strip, cv2.COLOR_RGB2BGR), np.uint8)
+        return _parted(encoded(path, ".jpg", bgr, wanted).tobytes())
 
-    for count, (head, scan) in enumerate(picture.strips(encoded)):
+    for count, (head, scan) in enumerate(picture.strips(work)):
         before = _marker(RESTART + (count - 1) % 8) if count else _head(head, picture.crop, own)
         file.write(before + scan)
     file.write(_marker(END))

@@ -18,6 +18,7 @@ from panostitch.errors import OutputError
 from panostitch.io.atomic import replacing, write_bytes
 from panostitch.io.carried import carried, software
 from panostitch.io.embed import Embedded
+from panostitch.io.encode import encoded
 from panostitch.io.jpeg import write_jpeg
 from panostitch.io.limits import JPEG, TIFF, arranged, channels_in, check_depth, check_sides, depth_for
 from panostitch.io.partial import FinishedTiles
@@ -177,12 +178,4 @@ def _webp(path: str, picture: Pixels, quality: int, own: Embedded) -> memoryview
         cv2.IMAGE_METADATA_ICCP: own.profile,
         cv2.IMAGE_METADATA_XMP: own.xmp,
     }
-    chunks = {kind: np.frombuffer(data, np.uint8) for kind, data in said.items() if data}
-    settings = [cv2.IMWRITE_WEBP_QUALITY, quality]
-    try:
-        written, data = cv2.imencodeWithMetadata(".webp", picture, list(chunks), list(chunks.values()), settings)
-    except cv2.error:
-        written = False
-    if not written:
-        raise OutputError(f"{path}: could not be encoded")
-    return data.data
+    return encoded(path, ".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, quality], said).data
