@@ -41,6 +41,7 @@ class Work:
     plan: Plan
     options: CompositingOptions
     decoded: Decoded
+    _photos: dict[Region, frozenset[int]] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def blender(self) -> Blender:
@@ -62,8 +63,11 @@ class Work:
         return region.grown(self.halo * self.plan.factor, multiple=self.plan.factor)
 
     def photos(self, region: Region) -> frozenset[int]:
-        """The numbers of the photos that a region is made of."""
-        return frozenset(np.unique(label_rectangle(self.plan, self.canvas, self.around(region))).tolist())
+        """The numbers of the photos that a region is made of; who plans the tiles asks for the same ones often."""
+        if region not in self._photos:
+            labels = label_rectangle(self.plan, self.canvas, self.around(region))
+            self._photos[region] = frozenset(np.unique(labels).tolist())
+        return self._photos[region]
 
 
 def compose(work: Work, region: Region) -> Layer:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from panostitch.errors import LimitError, UsageError
-from panostitch.io.rendering import STRIP, TILE, Rendering, columns_of, tiles_of
+from panostitch.io.rendering import STRIP, Rendering
 from panostitch.model.canvas import Region
 from panostitch.model.panorama import Panorama
 from panostitch.options import OutputOptions
@@ -66,8 +66,7 @@ def channels_in(panorama: Panorama, path: str) -> int:
 
 def need(picture: Rendering, path: str) -> Need:
     """What it takes to write a picture in the format of a path, tile by tile in its order."""
-    crop, extension, pixel = picture.crop, Path(path).suffix.lower(), picture.pixel_bytes
-    tiles = columns_of(crop) if picture.by_columns else tiles_of(crop)
+    crop, extension, pixel, tiles = picture.crop, Path(path).suffix.lower(), picture.pixel_bytes, picture.tiles
     each = max(map(picture.panorama.cost, tiles)) + FINISHED * max(tile.area for tile in tiles) * pixel
     each += STRIPS.get(extension, 0) * min(STRIP, crop.height) * crop.width * pixel
     return Need(each, _held(picture, extension) + picture.panorama.kept(tiles))
@@ -79,6 +78,8 @@ def arranged(picture: Rendering, path: str, options: OutputOptions) -> Rendering
     Raises LimitError where it allows none.
     """
     picture = replace(picture, by_columns=_by_columns(picture, path, options.memory))
+    if options.memory is None:
+        return picture
     needed = need(picture, path)
     hint = "" if Path(path).suffix.lower() in TIFF else SMALLEST
     run = memory.within(picture.run, options.memory, each=needed.each, besides=needed.besides, hint=hint)
@@ -94,12 +95,11 @@ def _by_columns(picture: Rendering, path: str, limit: int | None) -> bool:
     if extension not in STRIPS:
         return extension == ".webp"
     whole = replace(picture, by_columns=True)
+    by_columns, by_rows = (_held(p, extension) + p.panorama.shown(p.tiles) for p in (whole, picture))
+    if by_columns >= by_rows or limit is None:
+        return by_columns < by_rows
     needed = need(whole, path)
-    by_columns, by_rows = (
-        _held(order, extension) + order.panorama.shown(tiles)
-        for order, tiles in ((whole, columns_of(picture.crop)), (picture, tiles_of(picture.crop)))
-    )
-    return by_columns < by_rows and memory.threads_within(limit, each=needed.each, besides=needed.besides) > 0
+    return memory.threads_within(limit, each=needed.each, besides=needed.besides) > 0
 
 
 def _held(picture: Rendering, extension: str) -> int:
@@ -109,4 +109,4 @@ def _held(picture: Rendering, extension: str) -> int:
         return crop.area * WHOLE[picture.channels]
     if picture.by_columns:
         return crop.area * pixel
-    return 2 * crop.width * min(TILE // 2, crop.height) * pixel if extension in STRIPS else 0
+    return 2 * crop.width * picture.tiles[0].height * pixel if extension in STRIPS else 0

@@ -1,6 +1,6 @@
 """The cropped panorama as pixels of 8 or 16 bits, tile by tile in a fixed order, for those who write it."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
@@ -61,9 +61,7 @@ class Rendering:
     depth: int = 8  # bits of a channel, 8 or 16
     preview: Preview | None = None
     finished: Finished | None = None
-    by_columns: bool = (
-        False  # whether the whole picture is made first, where not each row of tiles is written by itself
-    )
+    by_columns: bool = False  # the order of the tiles; what is written in strips is made whole first then
 
     @property
     def crop(self) -> Region:
@@ -75,13 +73,23 @@ class Rendering:
         """Bytes of a pixel."""
         return self.channels * self.depth // 8
 
-    def map(self, work: Callable[[Region, Samples], Result], tiles: Sequence[Region] | None = None) -> Iterator[Result]:
-        """What `work` makes of each tile's region and pixels (h, w, channels), in threads; row by row if not given."""
+    @property
+    def tiles(self) -> list[Region]:
+        """The tiles in the order in which they are made.
+
+        Columns run across the shorter side: photos are soon done with, and few are in memory at once.
+        """
+        tiles, crop = tiles_of(self.crop), self.crop
+        across = self.by_columns and crop.width > crop.height
+        return sorted(tiles, key=lambda tile: (tile.x, tile.y)) if across else tiles
+
+    def map(self, work: Callable[[Region, Samples], Result]) -> Iterator[Result]:
+        """What `work` makes of each tile's region and pixels (h, w, channels), in threads."""
 
         def whole(region: Region) -> Result:
             return work(region, self.pixels(region))
 
-        tiles = tiles_of(self.crop) if tiles is None else tiles
+        tiles = self.tiles
         last = {photo: number for number, tile in enumerate(tiles) for photo in self.panorama.photos(tile)}
         results = self.run.map(whole, tiles, label="Rendering", ahead=AHEAD * self.run.threads)
         for number, result in enumerate(results):
@@ -107,7 +115,7 @@ class Rendering:
         """
         above = np.zeros((1, self.crop.width, self.channels), DTYPES[self.depth])
         run = Executor(self.run.threads)
-        for band in self._rows_of_whole() if self.by_columns else self._rows():
+        for band in [self.whole()] if self.by_columns else self._rows():
             tops = range(0, len(band), STRIP)
             strips = [(band[top : top + STRIP], band[top - 1 : top] if top else above) for top in tops]
             yield from run.map(lambda strip: work(*strip), strips, label="Encoding", ahead=run.threads)
@@ -124,14 +132,10 @@ class Rendering:
             if region.right == crop.right:
                 yield row
 
-    def _rows_of_whole(self) -> Iterator[Samples]:
-        picture = self.whole()
-        return (picture[top : top + TILE // 2] for top in range(0, self.crop.height, TILE // 2))
-
     def whole(self) -> Samples:
         """The whole picture (h, w, channels)."""
         picture = np.empty((self.crop.height, self.crop.width, self.channels), DTYPES[self.depth])
-        for region, tile in self.map(lambda region, tile: (region, tile), columns_of(self.crop)):
+        for region, tile in self.map(lambda region, tile: (region, tile)):
             picture[region.within(self.crop)] = tile
         return picture
 
@@ -139,12 +143,6 @@ class Rendering:
 def tiles_of(crop: Region) -> list[Region]:
     """The tiles of a picture. All formats have the same, so that all hold the same pixels."""
     return crop.tiles(TILE, TILE // 2)
-
-
-def columns_of(crop: Region) -> list[Region]:
-    """The tiles of a picture across its shorter side: photos are soon done with, and few are in memory at once."""
-    tiles = tiles_of(crop)
-    return sorted(tiles, key=lambda tile: (tile.x, tile.y)) if crop.width > crop.height else tiles
 
 
 def read_tile(panorama: Panorama, region: Region, depth: int = 8) -> tuple[Samples, Samples]:

@@ -2,7 +2,6 @@
 
 import ctypes
 import os
-import sys
 from contextlib import suppress
 from dataclasses import replace
 
@@ -41,10 +40,8 @@ def give_back() -> None:
         ctypes.CDLL(None).malloc_trim(0)
 
 
-def threads_within(limit: int | None, *, each: int, besides: int = 0) -> int:
-    """How many threads that take so much `each` fit below a limit, or below none; 0 where not a single one does."""
-    if limit is None:
-        return sys.maxsize
+def threads_within(limit: int, *, each: int, besides: int = 0) -> int:
+    """How many threads that take so much `each` fit below a limit; 0 where not a single one does."""
     return max(0, int((limit / SLACK - resident() - besides) // max(each, 1)))
 
 
